@@ -28,9 +28,9 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_gait.errors import GaitError, SettingsError
 from drake_gait.gait import FRAME_TIME, FloatArray
 from drake_gait.problem import Candidate
-from drake_gait.robot import DEFAULT_MODEL, add_robot
+from drake_gait.robot import add_robot
 from drake_gait.servo import Servo
-from drake_gait.walk import History, Walk
+from drake_gait.walk import DEFAULT_MODEL, History, Walk
 
 FORCE_SCALE = 0.010
 """Length of a ground reaction arrow [m/N]: the robot's weight is 147 mm long."""
