@@ -163,7 +163,7 @@ def convergence(forward_mm: ArrayLike, feasible: ArrayLike, path: Path, *, sampl
         )
     number = np.arange(1, forward.size + 1)
     fell = np.isnan(forward)
-    best = np.fmax.accumulate(np.where(holds, forward, np.nan))
+    best = _best_so_far(forward, holds)
     with rc_context(STYLE):
         figure = _figure(COLUMN, 2.7)
         axes = figure.subplots()
@@ -290,6 +290,12 @@ def torques(history: History, path: Path, limit: float) -> None:
         panels[0].plot([], [], color="black", linestyle=":", linewidth=0.8, label="stall torque")
         figure.legend(loc="outside upper center", ncols=3)
         _save(figure, path)
+
+
+def _best_so_far(forward: FloatArray, feasible: NDArray[np.bool_]) -> FloatArray:
+    """The longest feasible walk up to each one, shape (n,); NaN before the first."""
+    best: FloatArray = np.fmax.accumulate(np.where(feasible, forward, np.nan))
+    return best
 
 
 def _between(time: FloatArray, begin: float, end: float) -> NDArray[np.bool_]:

@@ -1,0 +1,242 @@
+"""Search the gaits of a study: `python -m drake_gait.optimize [STUDY.toml]`.
+
+Without arguments it runs the paper's study. The same command again goes on with an unfinished
+study. In the study's folder it leaves study.db (every walk), result.json (the best one), walk.html
+(its recording) and figures.
+"""
+
+import argparse
+import functools
+import json
+import os
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from drake_gait import figures, surrogate
+from drake_gait.errors import GaitError, StudyError
+from drake_gait.problem import assess
+from drake_gait.recording import record
+from drake_gait.result import file_sha256, in_words, r_squared_line, summary, table, versions
+from drake_gait.robot import build_robot, model_path
+from drake_gait.search import Progress, best_walk, search, training_data
+from drake_gait.settings import StudySettings, default_study, read_study
+from drake_gait.simulate import simulate
+from drake_gait.store import Study, StudyWalk
+from drake_gait.surrogate import Surrogate
+from drake_gait.workers import LocalProcesses
+
+INTERRUPTED = 130
+"""Exit status after Ctrl-C, as shells have it."""
+
+_STARTING_TIME = 60.0  # What a worker may need beside its walk, to import and to build [s].
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """What the command line says."""
+
+    study: Path
+    """The study's TOML file."""
+    samples: int | None
+    """Walks of the design of experiments."""
+    simulations: int | None
+    """Walks in all."""
+    seed: int | None
+    """Seed of every random number."""
+    workers: int
+    """Processes that simulate."""
+    out: Path | None
+    """The study's folder; runs/<study> if None."""
+
+    def settings(self) -> StudySettings:
+        """The study's settings, with what the command line overrides."""
+        given = {
+            ("search", "samples"): self.samples,
+            ("search", "simulations"): self.simulations,
+            ("study", "seed"): self.seed,
+        }
+        return read_study(
+            self.study, {key: value for key, value in given.items() if value is not None}
+        )
+
+
+def parse(arguments: Sequence[str] | None = None) -> Options:
+    """Read the command line; exits with status 2 where it cannot."""
+    summary_line, _, rest = (__doc__ or "").partition("\n\n")
+    parser = argparse.ArgumentParser(
+        prog="python -m drake_gait.optimize", description=summary_line.split(":")[0], epilog=rest
+    )
+    parser.add_argument("study", nargs="?", type=Path, help="a study's TOML file (the paper's)")
+    parser.add_argument("--samples", type=int, help="walks of the design of experiments")
+    parser.add_argument("--simulations", type=int, help="walks in all, samples included")
+    parser.add_argument("--seed", type=int, help="seed of every random number")
+    parser.add_argument("--workers", type=int, help="processes that simulate (one per core)")
+    parser.add_argument("--out", type=Path, help="the study's folder (runs/<study>)")
+    found = parser.parse_args(arguments)
+    if found.workers is not None and found.workers < 1:
+        parser.error(f"argument --workers: must be >= 1, got {found.workers}")
+    found.workers = found.workers or len(os.sched_getaffinity(0))
+    found.study = found.study or default_study()
+    return Options(**vars(found))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit status."""
+    options = parse(arguments)
+    try:
+        settings = options.settings()
+        folder = options.out or Path("runs") / settings.name
+        return _run(settings, folder, options.workers)
+    except GaitError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+
+
+def _run(settings: StudySettings, folder: Path, workers: int) -> int:
+    build_robot(settings.walk.model, settings.space.foot, settings.walk.servo)  # Fails early.
+    with _open_study(settings, folder) as study:
+        known = study.description()
+        display = _Display(settings, len(study.walks()))
+        started, earlier = time.monotonic(), known.get("wall_s", 0.0)
+        if "finished" in known:
+            print(f"{folder} is finished; another seed or --out starts another study")
+        else:
+            walk = functools.partial(simulate, settings=settings.walk)
+            limit = settings.walk.time_limit + _STARTING_TIME
+            try:
+                with LocalProcesses(walk, count=workers, time_limit=limit) as processes:
+                    search(settings, study, processes.run, display)
+            except KeyboardInterrupt:
+                study.set("wall_s", earlier + time.monotonic() - started)
+                print(f"\nstopped; {folder} is safe, and the same command goes on", flush=True)
+                return INTERRUPTED
+            study.set("wall_s", earlier + time.monotonic() - started)
+            study.set("finished", True)
+            display.end()
+        _write_results(settings, study, folder)
+    return 0
+
+
+def _open_study(settings: StudySettings, folder: Path) -> Study:
+    """The folder's study, to start or to go on with; refused if it is another one."""
+    path = folder / "study.db"
+    wanted = {
+        "settings": settings.description(),
+        "model_sha256": file_sha256(model_path(settings.walk.model)),
+    }
+    if not path.exists():
+        return Study.create(path, {**wanted, "versions": versions()})
+    study = Study.open(path, driver=True)
+    try:
+        study.require(wanted)
+    except StudyError:
+        study.close()
+        raise
+    return study
+
+
+class _Display:
+    """Live progress: one line that is rewritten on a terminal, a line now and then elsewhere."""
+
+    def __init__(self, settings: StudySettings, walks: int) -> None:
+        self._started = time.monotonic()
+        self._at_start = walks
+        self._terminal = sys.stdout.isatty()
+        self._network: Surrogate | None = None
+        self._next_line = 0
+        total = settings.search.simulations
+        going_on = f", {walks} of them done before" if walks else ""
+        print(f"study {settings.name}, seed {settings.seed}: {total} walks{going_on}", flush=True)
+
+    def __call__(self, progress: Progress) -> None:
+        """Show how far a search is."""
+        if progress.network is not self._network and progress.network is not None:
+            self._network = progress.network
+            self._print(f"network after {progress.walks} walks: {r_squared_line(progress.network)}")
+        if self._terminal:
+            print(f"\r\033[K{self._line(progress)}", end="", flush=True)
+        elif progress.walks >= self._next_line:
+            print(self._line(progress), flush=True)
+            self._next_line = progress.walks + max(1, progress.total // 20)
+
+    def end(self) -> None:
+        """Leave the line."""
+        if self._terminal:
+            print()
+
+    def _print(self, text: str) -> None:
+        print(f"\r\033[K{text}" if self._terminal else text, flush=True)
+
+    def _line(self, progress: Progress) -> str:
+        done = progress.walks - self._at_start
+        elapsed = time.monotonic() - self._started
+        left = (progress.total - progress.walks) * elapsed / done if done else float("nan")
+        best = f"{1e3 * progress.best.walk.forward:.1f} mm" if progress.best else "none yet"
+        minutes = f"{int(left) // 60}:{int(left) % 60:02d}" if done else "?"
+        return (
+            f"walks {progress.walks}/{progress.total}   survivors {progress.survivors}   "
+            f"feasible {progress.feasible}   best feasible {best}   time left {minutes}"
+        )
+
+
+def _write_results(settings: StudySettings, study: Study, folder: Path) -> None:
+    """Write result.json, the recording and the figures, and print the table."""
+    walks = study.walks()
+    network = _final_network(settings, walks)
+    outcome = summary(settings, walks, network, wall_s=study.description()["wall_s"])
+    try:
+        (folder / "result.json").write_text(json.dumps(outcome, indent=2) + "\n")
+    except OSError as error:
+        raise StudyError(f"cannot write {folder / 'result.json'}: {error.strerror}") from None
+    best = best_walk(walks, settings.constraints)
+    replayed = simulate(best.candidate, settings.walk, history=True)
+    if replayed.history is not None:
+        caption = f"{settings.name}, walk {best.id}: {in_words(best.walk)}"
+        path = folder / "walk.html"
+        record(replayed, best.candidate, path, model=settings.walk.model, caption=caption)
+        figures.waveforms(replayed.history, folder / "waveforms.png")
+        figures.paths(replayed.history, folder / "paths.png")
+    figures.convergence(
+        [1e3 * walk.walk.forward if walk.walk.survived else np.nan for walk in walks],
+        [assess(walk.walk, settings.constraints).feasible for walk in walks],
+        folder / "convergence.png",
+        samples=settings.search.samples,
+    )
+    if network is not None:
+        _draw_network(network, folder / "network.png")
+        print(f"network of all {len(walks)} walks: {r_squared_line(network)}")
+    print(f"\n{table(walks, settings.constraints)}\n")
+    verdict = "best feasible walk" if outcome["feasible"] else "no feasible walk; the nearest"
+    print(f"{verdict}: {in_words(best.walk)}\n{folder}: result.json, walk.html, study.db, figures")
+
+
+def _final_network(settings: StudySettings, walks: list[StudyWalk]) -> Surrogate | None:
+    """The network that all walks of the study give, if enough survived."""
+    x, outputs, survived = training_data(walks, settings.space)
+    if survived.sum() < surrogate.FEWEST_SURVIVORS:
+        return None
+    return surrogate.fit(x, outputs, survived, seed=settings.seed)
+
+
+def _draw_network(network: Surrogate, path: Path) -> None:
+    units = np.array([1e3, 1e3, np.degrees(1.0), 1e3])
+    shown = [("Z", "mm"), ("X", "mm"), ("R", "deg")]
+    columns = slice(0, len(shown))
+    figures.predicted_against_simulated(
+        (network.targets * units)[:, columns],
+        (network.fitted * units)[:, columns],
+        (network.heldout * units)[:, columns],
+        network.r2_train[columns].tolist(),
+        network.r2_heldout[columns].tolist(),
+        shown,
+        path,
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,199 @@
+"""The optimisation problem: what is searched, and what makes one walk better than another.
+
+Paper, section III.C (Eqs. 10-17), as a maximisation of the distance walked under four constraints.
+"""
+
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from drake_gait.errors import SettingsError
+from drake_gait.foot import DESIGN_LIMITS, FootDesign
+from drake_gait.gait import ANGLE_LIMITS, FRAMES, TERMS, WAVEFORMS, FloatArray, Gait
+from drake_gait.walk import Walk
+
+PENALTY = 1000.0
+"""The paper's gamma, Eq. 17 [mm per unit of scaled violation]."""
+
+COEFFICIENTS = tuple(f"{waveform}_{term}" for waveform in WAVEFORMS for term in TERMS)
+"""Names of the sixteen coefficients, in the order of every design vector."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate:
+    """What one simulation is asked to walk: a gait on a pair of feet."""
+
+    gait: Gait
+    """The sixteen coefficients."""
+    foot: FootDesign = field(default_factory=FootDesign)
+    """The toes."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Constraints:
+    """Limits that make a walk feasible, Eqs. 11-14."""
+
+    lateral: float = 0.020
+    """Largest |X_f| [m], Eq. 11."""
+    yaw: float = np.radians(5.0)
+    """Largest |R_f| [rad], Eq. 12."""
+    com_height: float = 0.24353
+    """Smallest Y_f [m], Eq. 13."""
+
+    def __post_init__(self) -> None:
+        for limit in fields(self):
+            value = getattr(self, limit.name)
+            if not 0.0 < value < np.inf:
+                raise SettingsError(f"constraint {limit.name} must be > 0, got {value}")
+
+
+CONSTRAINT_NAMES = ("lateral", "yaw", "com_height", "steps")
+"""Order of `Assessment.violations`."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Assessment:
+    """A walk measured against the problem."""
+
+    objective: float
+    """-Z_f [m], to be minimised, Eq. 15."""
+    violations: FloatArray
+    """Each violation divided by its limit, 0 when satisfied; shape (4,), as CONSTRAINT_NAMES."""
+
+    @property
+    def feasible(self) -> bool:
+        """Whether all four constraints hold."""
+        return not self.violations.any()
+
+    @property
+    def fitness(self) -> float:
+        """The paper's F(x) with scaled violations [mm], Eqs. 16-17."""
+        return 1e3 * self.objective + PENALTY * float(self.violations.sum())
+
+
+def scaled_violations(
+    lateral: ArrayLike, yaw: ArrayLike, com_height: ArrayLike, limits: Constraints
+) -> FloatArray:
+    """Violations of Eqs. 11-13, each divided by its limit; arrays (n,) [m, rad, m] give (n, 3)."""
+    excess = np.stack(
+        [
+            np.abs(lateral) / limits.lateral - 1.0,  # Eq. 11
+            np.abs(yaw) / limits.yaw - 1.0,  # Eq. 12
+            1.0 - np.asarray(com_height) / limits.com_height,  # Eq. 13
+        ],
+        axis=-1,
+    )
+    return np.maximum(excess, 0.0)
+
+
+def assess(walk: Walk, limits: Constraints) -> Assessment:
+    """Objective and violations of one simulated walk."""
+    missing = (FRAMES - walk.steps) / FRAMES  # Eq. 14
+    if not walk.survived:
+        missing = max(missing, 1.0 / FRAMES)
+    violations = scaled_violations(walk.lateral, walk.yaw, walk.com_height, limits)
+    return Assessment(objective=-walk.forward, violations=np.append(violations, missing))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DesignSpace:
+    """Where gaits and feet are looked for.
+
+    A design vector x is dimensionless: the box in which samples are drawn is -1 <= x <= 1, and
+    `limits` says how far beyond it the search may go. Design variables of the foot that are not
+    open stay as in `foot`.
+    """
+
+    centre: FloatArray
+    """Coefficients in the middle of the box [rad], shape (4, 4)."""
+    half_width: FloatArray
+    """Half the width of the box [rad], shape (4, 4), each > 0."""
+    foot: FootDesign = field(default_factory=FootDesign)
+    """The foot of every candidate, but for the fields in `foot_ranges`."""
+    foot_ranges: tuple[tuple[str, float, float], ...] = ()
+    """Open fields of the foot with their smallest and largest value; searched in log."""
+
+    def __post_init__(self) -> None:
+        for name in ("centre", "half_width"):
+            values = np.array(getattr(self, name), dtype=float)
+            if values.shape != (4, 4) or not np.isfinite(values).all():
+                raise SettingsError(f"{name} must be 4 rows of 4 finite numbers, got {values}")
+            values.setflags(write=False)
+            object.__setattr__(self, name, values)
+        if not (self.half_width > 0.0).all():
+            raise SettingsError("every half width of the box must be > 0")
+        lower, upper = _coefficient_limits()
+        outside = (self.centre < lower) | (self.centre > upper)
+        if outside.any():
+            row, column = np.argwhere(outside)[0]
+            raise SettingsError(
+                f"the box's centre for {WAVEFORMS[row]}_{TERMS[column]} is "
+                f"{np.degrees(self.centre[row, column]):g} degrees; Table I allows "
+                f"{np.degrees(lower[row, column]):g} to {np.degrees(upper[row, column]):g}"
+            )
+        for name, low, high in self.foot_ranges:
+            if name not in DESIGN_LIMITS:
+                raise SettingsError(f"no foot design variable '{name}'; there are "
+                                    f"{', '.join(DESIGN_LIMITS)}")  # fmt: skip
+            smallest, largest = DESIGN_LIMITS[name]
+            if not smallest <= low < high <= largest:
+                raise SettingsError(
+                    f"range of {name} must rise and lie in {smallest:.4g} to {largest:.4g}, "
+                    f"got {low:g} to {high:g}"
+                )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the design variables, in the order of x."""
+        return COEFFICIENTS + tuple(name for name, _, _ in self.foot_ranges)
+
+    @property
+    def dimension(self) -> int:
+        """Number of design variables d."""
+        return len(self.names)
+
+    @property
+    def limits(self) -> FloatArray:
+        """How far the search may go, shape (d, 2): Table I's ranges, and the foot's box."""
+        lower, upper = _coefficient_limits()
+        coefficients = np.stack(
+            [
+                ((lower - self.centre) / self.half_width).ravel(),
+                ((upper - self.centre) / self.half_width).ravel(),
+            ],
+            axis=1,
+        )
+        return np.vstack([coefficients, np.tile([-1.0, 1.0], (len(self.foot_ranges), 1))])
+
+    def decode(self, x: ArrayLike) -> Candidate:
+        """The candidate at x, shape (d,)."""
+        x = np.asarray(x, dtype=float)
+        if x.shape != (self.dimension,):
+            raise SettingsError(f"a design vector has shape ({self.dimension},), got {x.shape}")
+        gait = Gait(coefficients=self.centre + self.half_width * x[:16].reshape(4, 4))
+        changes = {}
+        for (name, low, high), value in zip(self.foot_ranges, x[16:], strict=True):
+            log_value = np.log(low) + (value + 1.0) / 2.0 * (np.log(high) - np.log(low))
+            changes[name] = float(np.clip(np.exp(log_value), low, high))
+        values = {item.name: getattr(self.foot, item.name) for item in fields(self.foot)}
+        return Candidate(gait=gait, foot=FootDesign(**{**values, **changes}))
+
+    def encode(self, candidate: Candidate) -> FloatArray:
+        """The design vector of a candidate, shape (d,)."""
+        x = ((candidate.gait.coefficients - self.centre) / self.half_width).ravel()
+        foot = [
+            2.0 * np.log(getattr(candidate.foot, name) / low) / np.log(high / low) - 1.0
+            for name, low, high in self.foot_ranges
+        ]
+        return np.concatenate([x, foot])
+
+
+def _coefficient_limits() -> tuple[FloatArray, FloatArray]:
+    """Smallest and largest coefficients [rad], shape (4, 4) each, that Table I leaves room for.
+
+    The mean a may be any angle of the joint's range, an amplitude at most half of the range.
+    """
+    lower, upper = ANGLE_LIMITS[:, 0], ANGLE_LIMITS[:, 1]
+    amplitude = np.tile(((upper - lower) / 2.0)[:, None], (1, 3))
+    return np.column_stack([lower, -amplitude]), np.column_stack([upper, amplitude])

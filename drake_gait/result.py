@@ -1,0 +1,131 @@
+"""A study's outcome in numbers: what result.json holds, and tables like the paper's Table II."""
+
+import hashlib
+import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drake_gait.problem import Constraints, assess
+from drake_gait.search import best_walk, feasible_walks
+from drake_gait.settings import StudySettings
+from drake_gait.store import StudyWalk
+from drake_gait.surrogate import OUTPUTS, Surrogate
+from drake_gait.walk import Walk
+
+PAPER_TABLE = (
+    # X_f [mm], Z_f [mm], R_f [deg], N: the paper's Table II, F1 to F8.
+    (0.725, 154.56, 3.837, 240),
+    (2.962, 160.22, -0.431, 240),
+    (0.837, 161.78, -2.291, 240),
+    (19.690, 165.50, 4.419, 240),
+    (-6.273, 165.74, -4.201, 240),
+    (5.380, 166.34, 1.139, 240),
+    (-4.770, 168.30, 0.796, 240),
+    (0.044, 177.96, 1.203, 240),
+)
+
+
+def versions() -> dict[str, str]:
+    """Versions of what decides the numbers."""
+    found = {"python": platform.python_version()}
+    for package in ("drake-gait", "drake", "numpy", "scipy", "torch"):
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "not installed"
+    return found
+
+
+def file_sha256(path: Path) -> str:
+    """Fingerprint of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def summary(
+    settings: StudySettings,
+    walks: Sequence[StudyWalk],
+    network: Surrogate | None,
+    *,
+    wall_s: float,
+) -> dict[str, Any]:
+    """What result.json holds: the best walk, how the search went, and with what.
+
+    Lengths in millimetres and angles in degrees where the key says so; the foot in SI units. Where
+    no walk is feasible, the best is the one nearest to it.
+    """
+    limits = settings.constraints
+    best = best_walk(walks, limits)
+    return {
+        "study": settings.name,
+        "seed": settings.seed,
+        "walk": best.id,
+        "feasible": assess(best.walk, limits).feasible,
+        "outcome": str(best.walk.outcome),
+        "forward_mm": 1e3 * best.walk.forward,
+        "lateral_mm": 1e3 * best.walk.lateral,
+        "yaw_deg": float(np.degrees(best.walk.yaw)),
+        "com_height_mm": 1e3 * best.walk.com_height,
+        "steps": best.walk.steps,
+        "coefficients_deg": best.candidate.gait.degrees.tolist(),
+        "foot": asdict(best.candidate.foot),
+        "simulations": len(walks),
+        "survivors": sum(walk.walk.survived for walk in walks),
+        "feasible_count": len(feasible_walks(walks, limits)),
+        "r2_train": _by_output(network.r2_train if network else None),
+        "r2_heldout": _by_output(network.r2_heldout if network else None),
+        "wall_s": wall_s,
+        "versions": versions(),
+    }
+
+
+def table(walks: Sequence[StudyWalk], limits: Constraints) -> str:
+    """The study's furthest feasible walks beside the paper's eight, as text."""
+    ours = feasible_walks(walks, limits)[: len(PAPER_TABLE)]
+    lines = [
+        "            this study                              the paper (Table II)",
+        " walk   X [mm]   Z [mm]  R [deg]    N           X [mm]   Z [mm]  R [deg]    N",
+    ]
+    for place, paper in enumerate(reversed(PAPER_TABLE)):
+        left = " " * 38
+        if place < len(ours):
+            entry = ours[place]
+            left = f"{entry.id:5d} " + _row(
+                1e3 * entry.walk.lateral,
+                1e3 * entry.walk.forward,
+                float(np.degrees(entry.walk.yaw)),
+                entry.walk.steps,
+            )
+        lines.append(f"{left:<40}    F{len(PAPER_TABLE) - place} {_row(*paper)}")
+    return "\n".join(lines)
+
+
+def r_squared_line(network: Surrogate) -> str:
+    """R² of every output, training and held-out, as text."""
+    names = ("Z", "X", "R", "Y")
+    pairs = zip(names, network.r2_train, network.r2_heldout, strict=True)
+    return "R² training / held-out: " + "   ".join(
+        f"{name} {train:.2f} / {heldout:.2f}" for name, train, heldout in pairs
+    )
+
+
+def in_words(walk: Walk) -> str:
+    """The paper's four numbers of a walk, as text."""
+    return (
+        f"{1e3 * walk.forward:.1f} mm forward, {1e3 * walk.lateral:.1f} mm lateral, "
+        f"{np.degrees(walk.yaw):.2f} degrees, {walk.steps} frames"
+    )
+
+
+def _row(lateral_mm: float, forward_mm: float, yaw_deg: float, steps: int) -> str:
+    return f"{lateral_mm:8.3f} {forward_mm:8.2f} {yaw_deg:8.3f} {steps:4d}"
+
+
+def _by_output(values: Any) -> Mapping[str, float | None]:
+    if values is None:
+        return dict.fromkeys(OUTPUTS)
+    return {name: float(value) for name, value in zip(OUTPUTS, values, strict=True)}

@@ -1,0 +1,261 @@
+"""From a robot description and a foot design to a finalized plant."""
+
+import logging
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+from pydrake.geometry import (
+    AddContactMaterial,
+    AddRigidHydroelasticProperties,
+    HalfSpace,
+    ProximityProperties,
+    SceneGraph,
+)
+from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import (
+    AddMultibodyPlant,
+    CoulombFriction,
+    MultibodyPlant,
+    MultibodyPlantConfig,
+)
+from pydrake.multibody.tree import (
+    ForceElementIndex,
+    ModelInstanceIndex,
+    PdControllerGains,
+    RevoluteSpring,
+)
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+
+from drake_gait.errors import ModelError
+from drake_gait.foot import FOOT_WIDTH, TOE_GAP, FootDesign
+from drake_gait.gait import JOINTS, FloatArray
+from drake_gait.gait_system import GaitSystem
+from drake_gait.servo import Servo
+from drake_gait.walk import DEFAULT_MODEL
+
+TOE_HINGES = tuple(
+    f"{toe}_hinge_{side}" for side in ("r", "l") for toe in ("big_toe", "lesser_toes")
+)
+"""The four passive joints, in the order of every array of toe values."""
+
+GROUND_FRICTION = 1.0
+"""Both coefficients of the ground; Drake combines two surfaces as 2ab / (a + b)."""
+
+
+def models_folder() -> Path:
+    """Folder of the robot descriptions: inside an installed package, or beside it in a checkout."""
+    inside = Path(str(files("drake_gait"))) / "models"
+    return inside if inside.is_dir() else inside.parents[1] / "models"
+
+
+def model_path(model: str | Path = DEFAULT_MODEL) -> Path:
+    """Path of a robot description, given as a file or as the name of one that is shipped.
+
+    Raises:
+        ModelError: there is no such file.
+    """
+    shipped = models_folder() / model
+    for path in (Path(model), shipped):
+        if path.is_file():
+            return path
+    known = ", ".join(sorted(path.name for path in models_folder().glob("*.sdf")))
+    raise ModelError(
+        f"no robot description '{model}'; give a path to an SDF file, or one of {known}"
+    )
+
+
+def with_toes(sdf: str, big_toe_width: float) -> str:
+    """A robot description whose big toe is `big_toe_width` [m] wide.
+
+    Both toes keep their outer edges, length, thickness and density; their boxes, masses and
+    inertias follow the width, and the heel part keeps its own.
+
+    Raises:
+        ModelError: a toe's link, box or inertia is missing.
+    """
+    # Drake knows its own elements by this prefix alone.
+    ElementTree.register_namespace("drake", "http://drake.mit.edu")
+    root = ElementTree.fromstring(sdf)
+    for side, inward in (("r", 1.0), ("l", -1.0)):
+        big = _toe_link(root, f"big_toe_{side}")
+        lesser = _toe_link(root, f"lesser_toes_{side}")
+        _resize_toe(big, big_toe_width, inward)
+        _resize_toe(lesser, FOOT_WIDTH - big_toe_width - TOE_GAP, -inward)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _toe_link(root: ElementTree.Element, name: str) -> ElementTree.Element:
+    link = root.find(f".//link[@name='{name}']")
+    if link is None:
+        raise ModelError(f"no link '{name}' in the robot description")
+    return link
+
+
+def _resize_toe(link: ElementTree.Element, width: float, fixed_edge: float) -> None:
+    """Give one toe a new width; its edge towards `fixed_edge` * y stays where it is."""
+    size = [float(value) for value in _text(link, "collision/geometry/box/size").split()]
+    shift = fixed_edge * (size[1] - width) / 2.0
+    factor = width / size[1]
+    length, _, thickness = size
+    for kind in ("visual", "collision"):
+        _find(link, f"{kind}/geometry/box/size").text = f"{length!r} {width!r} {thickness!r}"
+    for place in ("visual/pose", "collision/pose", "inertial/pose"):
+        x, y, z, *angles = (float(value) for value in _text(link, place).split())
+        _find(link, place).text = " ".join(map(repr, [x, y + shift, z, *angles]))
+    mass = float(_text(link, "inertial/mass")) * factor
+    _find(link, "inertial/mass").text = repr(mass)
+    squares = np.array([length, width, thickness]) ** 2
+    for axis, moment in zip("xyz", mass / 12.0 * (squares.sum() - squares), strict=True):
+        _find(link, f"inertial/inertia/i{axis}{axis}").text = repr(float(moment))
+
+
+def _find(link: ElementTree.Element, path: str) -> ElementTree.Element:
+    found = link.find(path)
+    if found is None:
+        raise ModelError(f"link '{link.get('name')}' of the robot description has no <{path}>")
+    return found
+
+
+def _text(link: ElementTree.Element, path: str) -> str:
+    return _find(link, path).text or ""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Robot:
+    """The diagram of one robot on the ground, for any gait and any springs in its toes."""
+
+    diagram: Diagram
+    """Gait system, plant and scene graph."""
+    plant: MultibodyPlant
+    """The robot and the ground; continuous, named "plant", as CENIC requires."""
+    gait: GaitSystem
+    """Sends the commands."""
+    instance: ModelInstanceIndex
+    """The robot in the plant."""
+    springs: tuple[RevoluteSpring, ...]
+    """The toes' springs, ordered as TOE_HINGES."""
+
+    def set_foot(self, plant_context: Context, foot: FootDesign) -> None:
+        """Put the springs and dampers of a foot into a context; its width is in the diagram."""
+        stiffness = (foot.big_toe_stiffness, foot.lesser_toes_stiffness)
+        for hinge, spring, value in zip(TOE_HINGES, self.springs, 2 * stiffness, strict=True):
+            spring.SetStiffness(plant_context, value)
+            joint = self.plant.GetJointByName(hinge)
+            damping: FloatArray = np.array([foot.toe_damping])
+            joint.SetDampingVector(plant_context, damping)
+
+
+def add_robot(
+    builder: DiagramBuilder, model: str | Path, foot: FootDesign, servo: Servo
+) -> tuple[MultibodyPlant, SceneGraph]:
+    """Add plant and scene graph of the robot on the ground to a diagram.
+
+    Raises:
+        ModelError: the description cannot be read, or is not a biped with the joints needed.
+    """
+    path = model_path(model)
+    plant, scene_graph = AddMultibodyPlant(
+        MultibodyPlantConfig(time_step=0.0, contact_model="hydroelastic_with_fallback"), builder
+    )
+    plant.set_name("plant")
+    parser = Parser(plant)
+    parser.SetStrictParsing()
+    parser.package_map().AddPackageXml(models_folder() / "package.xml")
+    try:
+        parser.AddModelsFromString(with_toes(path.read_text(), foot.big_toe_width), "sdf")
+    except ElementTree.ParseError as error:
+        raise ModelError(f"{path} is not a well-formed SDF file: {error}") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ModelError(f"cannot read {path}: {error}") from None
+    except RuntimeError as error:
+        first_line = str(error).strip().splitlines()[0]
+        raise ModelError(f"{path} is not a robot that can be used: {first_line}") from None
+    _check_joints(plant, path)
+    _add_ground(plant)
+    for name in JOINTS:
+        actuator = plant.GetJointActuatorByName(name)
+        actuator.set_controller_gains(PdControllerGains(p=servo.stiffness, d=servo.damping))
+        back_emf = actuator.effort_limit() / servo.no_load_speed
+        plant.GetJointByName(name).set_default_damping(back_emf)
+    plant.Finalize()
+    return plant, scene_graph
+
+
+def _check_joints(plant: MultibodyPlant, path: Path) -> None:
+    present = [plant.get_joint(index).name() for index in plant.GetJointIndices()]
+    for name in (*JOINTS, *TOE_HINGES):
+        if name not in present:
+            raise ModelError(f"no joint '{name}' in {path}; it has {', '.join(present) or 'none'}")
+    sprung = {spring.joint().name() for spring in _springs(plant)}
+    for name in TOE_HINGES:
+        if name not in sprung:
+            raise ModelError(f"joint '{name}' in {path} has no spring (<spring_stiffness>)")
+    actuated = [
+        plant.get_joint_actuator(index).joint().name() for index in plant.GetJointActuatorIndices()
+    ]
+    if actuated != list(JOINTS):
+        raise ModelError(
+            f"the actuated joints of {path} must be {', '.join(JOINTS)} in this order; "
+            f"they are {', '.join(actuated) or 'none'}"
+        )
+
+
+def _add_ground(plant: MultibodyPlant) -> None:
+    """A rigid half space under z = 0."""
+    properties = ProximityProperties()
+    AddRigidHydroelasticProperties(properties)
+    AddContactMaterial(
+        friction=CoulombFriction(GROUND_FRICTION, GROUND_FRICTION), properties=properties
+    )
+    plant.RegisterCollisionGeometry(
+        plant.world_body(), RigidTransform(), HalfSpace(), "ground", properties
+    )
+
+
+def _concerns_deformables(record: logging.LogRecord) -> bool:
+    """Whether Drake warns that deformable bodies will not touch the ground: there are none."""
+    return "deformable contact" in record.getMessage()
+
+
+logging.getLogger("drake").addFilter(lambda record: not _concerns_deformables(record))
+
+
+def build_robot(model: str | Path, foot: FootDesign, servo: Servo) -> Robot:
+    """The diagram of a robot whose servos follow a GaitSystem.
+
+    Raises:
+        ModelError: see `add_robot`.
+    """
+    builder = DiagramBuilder()
+    plant, _ = add_robot(builder, model, foot, servo)
+    gait = GaitSystem()
+    builder.AddSystem(gait)
+    instance = plant.GetBodyByName("torso").model_instance()
+    builder.Connect(
+        gait.GetOutputPort("desired_state"), plant.get_desired_state_input_port(instance)
+    )
+    return Robot(
+        diagram=builder.Build(),
+        plant=plant,
+        gait=gait,
+        instance=instance,
+        springs=_toe_springs(plant),
+    )
+
+
+def _toe_springs(plant: MultibodyPlant) -> tuple[RevoluteSpring, ...]:
+    """The plant's springs, ordered as TOE_HINGES."""
+    by_joint = {spring.joint().name(): spring for spring in _springs(plant)}
+    return tuple(by_joint[name] for name in TOE_HINGES)
+
+
+def _springs(plant: MultibodyPlant) -> list[RevoluteSpring]:
+    elements = (
+        plant.get_force_element(ForceElementIndex(index))
+        for index in range(plant.num_force_elements())
+    )
+    return [element for element in elements if isinstance(element, RevoluteSpring)]

@@ -1,0 +1,32 @@
+"""The position servos of the ten leg joints."""
+
+from dataclasses import dataclass, fields
+
+from drake_gait.errors import SettingsError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Servo:
+    """A position servo: a proportional-derivative controller driving a direct-current motor.
+
+    The controller's torque is held within the stall torque, and the motor's back-EMF takes from it
+    in proportion to the speed, so that at the no-load speed nothing is left:
+
+        torque = clip(stiffness * (q_d - q) + damping * (v_d - v), ± stall) - stall * v / no_load
+
+    This is the torque-speed line of the motor, with the speed limit as its end. The stall torque is
+    the joint's effort limit in the robot's SDF file.
+    """
+
+    stiffness: float = 10.0
+    """Proportional gain [N·m/rad]: the stall torque is reached 7.9 degrees off the command."""
+    damping: float = 0.3
+    """Derivative gain of the controller [N·m·s/rad]."""
+    no_load_speed: float = 7.48
+    """Speed at which the motor has no torque left [rad/s]: 0.14 s/60 degrees, KRS-2552 data."""
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not 0.0 < value < 1e6:
+                raise SettingsError(f"servo {field.name} must be > 0, got {value}")

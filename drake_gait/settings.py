@@ -1,0 +1,280 @@
+"""A study's settings, read from its TOML file.
+
+Every number in the file has its unit in its name, because people write it; what comes out of here
+is SI. Unknown sections and keys are refused with the nearest one that exists.
+"""
+
+import difflib
+import json
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drake_gait.errors import SettingsError
+from drake_gait.foot import N_MM_PER_DEG, FootDesign
+from drake_gait.gait import FloatArray
+from drake_gait.problem import Constraints, DesignSpace
+from drake_gait.servo import Servo
+from drake_gait.walk import Fidelity, WalkSettings
+
+_DEGREE = math.pi / 180.0
+_MM = 1e-3
+
+# Section and key in the file -> field of the section's object, and its unit in SI.
+_SERVO = {
+    "stiffness_n_m_per_rad": ("stiffness", 1.0),
+    "damping_n_m_s_per_rad": ("damping", 1.0),
+    "no_load_speed_rad_per_s": ("no_load_speed", 1.0),
+}
+_CONSTRAINTS = {
+    "lateral_mm": ("lateral", _MM),
+    "yaw_deg": ("yaw", _DEGREE),
+    "com_height_mm": ("com_height", _MM),
+}
+_FOOT = {
+    "big_toe_stiffness_n_mm_per_deg": ("big_toe_stiffness", N_MM_PER_DEG),
+    "lesser_toes_stiffness_n_mm_per_deg": ("lesser_toes_stiffness", N_MM_PER_DEG),
+    "toe_damping_n_m_s_per_rad": ("toe_damping", 1.0),
+    "big_toe_width_mm": ("big_toe_width", _MM),
+}
+_KEYS = {
+    "study": ("name", "question", "seed"),
+    "search": ("samples", "simulations", "batch", "stagnation"),
+    "box": ("chosen", "centre_deg", "half_width_deg"),
+    "constraints": tuple(_CONSTRAINTS),
+    "walk": ("model", "fidelity", "time_limit_s"),
+    "servo": tuple(_SERVO),
+    "foot": tuple(_FOOT),
+    "design": tuple(_FOOT),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchSettings:
+    """How much is simulated, and in what portions."""
+
+    samples: int = 200
+    """Walks of the design of experiments (paper: Eq. 29 gives 169, some were added)."""
+    simulations: int = 400
+    """Walks in all, design of experiments included."""
+    batch: int = 8
+    """Walks proposed by one network; all are simulated before the next is trained."""
+    stagnation: int | None = None
+    """Stop after so many networks without a better feasible walk; None: use the whole budget."""
+
+    def __post_init__(self) -> None:
+        for name, least in (("samples", 1), ("simulations", 1), ("batch", 1), ("stagnation", 1)):
+            value = getattr(self, name)
+            if value is None and name == "stagnation":
+                continue
+            if isinstance(value, bool) or not isinstance(value, int) or value < least:
+                raise SettingsError(f"search.{name} must be a whole number >= {least}, got {value}")
+        if self.samples > self.simulations:
+            raise SettingsError(
+                f"search.samples ({self.samples}) must not exceed search.simulations "
+                f"({self.simulations}), which counts them too"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudySettings:
+    """All that decides a study's walks."""
+
+    name: str
+    """Name of the study; its folder is runs/<name> if none is given."""
+    question: str = ""
+    """What the study is to find out."""
+    seed: int = 0
+    """Fixes every random number."""
+    search: SearchSettings = field(default_factory=SearchSettings)
+    """How much is simulated."""
+    space: DesignSpace
+    """Where it looks."""
+    chosen: str = ""
+    """How the box was chosen."""
+    constraints: Constraints = field(default_factory=Constraints)
+    """What makes a walk feasible."""
+    walk: WalkSettings = field(default_factory=WalkSettings)
+    """How a walk is simulated."""
+
+    def __post_init__(self) -> None:
+        if not self.name or "/" in self.name or self.name.startswith("."):
+            raise SettingsError(f"study.name must do as a folder's name, got '{self.name}'")
+        if isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0:
+            raise SettingsError(f"study.seed must be a whole number >= 0, got {self.seed}")
+
+    def description(self) -> dict[str, Any]:
+        """Every setting as `section.key`: number, text or list; two studies can be compared."""
+        walk = asdict(self.walk)
+        servo = walk.pop("servo")
+        nested = {
+            "study": {"name": self.name, "question": self.question, "seed": self.seed},
+            "search": asdict(self.search),
+            "box": {
+                "chosen": self.chosen,
+                "centre": self.space.centre.tolist(),
+                "half_width": self.space.half_width.tolist(),
+            },
+            "constraints": asdict(self.constraints),
+            "walk": {**walk, "model": str(self.walk.model), "fidelity": str(self.walk.fidelity)},
+            "servo": servo,
+            "foot": asdict(self.space.foot),
+            "design": {name: [low, high] for name, low, high in self.space.foot_ranges},
+        }
+        flat = {
+            f"{section}.{key}": value
+            for section, values in nested.items()
+            for key, value in values.items()
+        }
+        plain: dict[str, Any] = json.loads(json.dumps(flat))
+        return plain
+
+
+def study_settings(description: Mapping[str, Any]) -> StudySettings:
+    """The settings that `StudySettings.description` was taken from."""
+    nested: dict[str, dict[str, Any]] = {section: {} for section in _KEYS}
+    for name, value in description.items():
+        section, _, key = name.partition(".")
+        nested[section][key] = value
+    walk, box = nested["walk"], nested["box"]
+    return StudySettings(
+        **nested["study"],
+        search=SearchSettings(**nested["search"]),
+        space=DesignSpace(
+            centre=np.array(box["centre"]),
+            half_width=np.array(box["half_width"]),
+            foot=FootDesign(**nested["foot"]),
+            foot_ranges=tuple((name, low, high) for name, (low, high) in nested["design"].items()),
+        ),
+        chosen=box["chosen"],
+        constraints=Constraints(**nested["constraints"]),
+        walk=WalkSettings(
+            model=walk["model"],
+            fidelity=_fidelity(walk["fidelity"]),
+            time_limit=walk["time_limit"],
+            servo=Servo(**nested["servo"]),
+        ),
+    )
+
+
+def default_study() -> Path:
+    """The paper's study: inside an installed package, or beside it in a checkout."""
+    package = Path(str(files("drake_gait")))
+    inside = package / "studies" / "paper.toml"
+    return inside if inside.is_file() else package.parent / "studies" / "paper.toml"
+
+
+def read_study(path: Path, overrides: Mapping[tuple[str, str], Any] | None = None) -> StudySettings:
+    """Read a study's TOML file.
+
+    Args:
+        path: The file.
+        overrides: Values that take the place of those in the file, by section and key.
+
+    Raises:
+        SettingsError: the file cannot be read, or a section, key or value cannot be used.
+    """
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise SettingsError(f"cannot read study {path}: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise SettingsError(f"study {path} is not TOML: {error}") from None
+    for (section, key), value in (overrides or {}).items():
+        content.setdefault(section, {})[key] = value
+    try:
+        return _study(content)
+    except SettingsError as error:
+        raise SettingsError(f"study {path}: {error}") from None
+
+
+def _study(content: Mapping[str, Any]) -> StudySettings:
+    _known("section", content, _KEYS)
+    for section, values in content.items():
+        if not isinstance(values, Mapping):
+            raise SettingsError(f"[{section}] must be a section, got {values!r}")
+        _known(f"key of [{section}]", values, _KEYS[section])
+    study, box = dict(content.get("study", {})), content.get("box", {})
+    for key in ("centre_deg", "half_width_deg"):
+        if key not in box:
+            raise SettingsError(f"[box] needs {key}: 4 rows (roll, hip, knee, ankle) of 4 degrees")
+    walk = dict(content.get("walk", {}))
+    if "time_limit_s" in walk:
+        walk["time_limit"] = _number("walk.time_limit_s", walk.pop("time_limit_s"))
+    if "fidelity" in walk:
+        walk["fidelity"] = _fidelity(walk["fidelity"])
+    if not isinstance(study.get("name"), str):
+        raise SettingsError('[study] needs a name = "..."')
+    return StudySettings(
+        **study,
+        search=SearchSettings(**content.get("search", {})),
+        space=DesignSpace(
+            centre=_degrees("centre_deg", box["centre_deg"]),
+            half_width=_degrees("half_width_deg", box["half_width_deg"]),
+            foot=FootDesign(**_scaled("foot", content, _FOOT)),
+            foot_ranges=_ranges(content.get("design", {})),
+        ),
+        chosen=str(box.get("chosen", "")),
+        constraints=Constraints(**_scaled("constraints", content, _CONSTRAINTS)),
+        walk=WalkSettings(**walk, servo=Servo(**_scaled("servo", content, _SERVO))),
+    )
+
+
+def _known(what: str, given: Mapping[str, Any], known: Any) -> None:
+    for name in given:
+        if name not in known:
+            near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.0)[0]
+            raise SettingsError(
+                f"no {what} is called '{name}'; the nearest is '{near}' of {', '.join(known)}"
+            )
+
+
+def _number(name: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise SettingsError(f"{name} must be a finite number, got {value!r}")
+    return float(value)
+
+
+def _scaled(
+    section: str, content: Mapping[str, Any], table: Mapping[str, tuple[str, float]]
+) -> dict[str, float]:
+    return {
+        table[key][0]: _number(f"{section}.{key}", value) * table[key][1]
+        for key, value in content.get(section, {}).items()
+    }
+
+
+def _fidelity(value: Any) -> Fidelity:
+    try:
+        return Fidelity(value)
+    except ValueError:
+        known = ", ".join(Fidelity)
+        raise SettingsError(f"walk.fidelity must be one of {known}, got {value!r}") from None
+
+
+def _degrees(name: str, rows: Any) -> FloatArray:
+    try:
+        values = np.array(rows, dtype=float)
+    except (TypeError, ValueError):
+        values = np.empty(0)
+    if values.shape != (4, 4):
+        raise SettingsError(f"box.{name} must be 4 rows of 4 numbers, got {rows!r}")
+    radians: FloatArray = np.radians(values)
+    return radians
+
+
+def _ranges(design: Mapping[str, Any]) -> tuple[tuple[str, float, float], ...]:
+    ranges = []
+    for key, value in design.items():
+        if not isinstance(value, list) or len(value) != 2:
+            raise SettingsError(f"design.{key} must be [smallest, largest], got {value!r}")
+        name, unit = _FOOT[key]
+        low, high = (_number(f"design.{key}", end) * unit for end in value)
+        ranges.append((name, low, high))
+    return tuple(ranges)

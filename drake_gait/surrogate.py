@@ -1,0 +1,208 @@
+"""The network: what a walk will be, learnt from the walks simulated so far (paper, IV.A).
+
+Three layers as in the paper, sigmoid hidden units and back-propagation on the squared error
+(Eqs. 18-21), in an ensemble: every member leaves out one fold of the walks, so that each walk is
+predicted by a member that has not seen it. Regressors learn from walks that survived; a classifier
+of the same form learns which do.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from drake_gait.errors import SettingsError
+from drake_gait.gait import FloatArray
+
+BoolArray = NDArray[np.bool_]
+
+OUTPUTS = ("forward", "lateral", "yaw", "com_height")
+"""Columns of every target and prediction: Z_f, X_f [m], R_f [rad], Y_f [m]."""
+
+_MEMBERS = 8
+_HIDDEN_UNITS = 32
+_EPOCHS = 250
+_LEARNING_RATE = 0.03
+_WEIGHT_DECAY = 1.0
+
+FEWEST_SURVIVORS = 2 * _MEMBERS
+"""Walks that must have survived before a network can be fitted."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Prediction:
+    """What the network expects of n candidates."""
+
+    mean: FloatArray
+    """Outputs of a walk that survives, shape (n, 4), as OUTPUTS."""
+    deviation: FloatArray
+    """Standard deviation of the error to expect, shape (n, 4): members' spread and residuals."""
+    survival: FloatArray
+    """Probability that the robot stays on its feet, shape (n,)."""
+
+
+class _Ensemble:
+    """Members' weights, each of shape (members, inputs, outputs), and their shared forward pass."""
+
+    def __init__(self, inputs: int, outputs: int, generator: torch.Generator) -> None:
+        def weights(rows: int, columns: int) -> torch.Tensor:
+            drawn: torch.Tensor = torch.randn(
+                _MEMBERS, rows, columns, generator=generator, dtype=torch.float64
+            )
+            scaled: torch.Tensor = drawn / rows**0.5
+            return scaled.requires_grad_()
+
+        self.hidden = weights(inputs, _HIDDEN_UNITS)
+        self.hidden_bias = weights(1, _HIDDEN_UNITS)
+        self.output = weights(_HIDDEN_UNITS, outputs)
+        self.output_bias = torch.zeros(_MEMBERS, 1, outputs, dtype=torch.float64).requires_grad_()
+
+    def __call__(self, x: torch.Tensor) -> torch.Tensor:
+        """Outputs of every member, shape (members, n, outputs), at x, shape (n, inputs)."""
+        net = x @ self.hidden + self.hidden_bias  # Eq. 18
+        # The sigmoid about its own middle: outputs then need no large bias to cancel it.
+        out = torch.sigmoid(net) - 0.5  # Eq. 20
+        result: torch.Tensor = out @ self.output + self.output_bias
+        return result
+
+    def train(self, loss_of_outputs: "_Loss", x: torch.Tensor) -> None:
+        """Back-propagation, all members at once."""
+        optimiser = torch.optim.AdamW(
+            [
+                {"params": [self.hidden, self.output], "weight_decay": _WEIGHT_DECAY},
+                {"params": [self.hidden_bias, self.output_bias], "weight_decay": 0.0},
+            ],
+            lr=_LEARNING_RATE,
+        )
+        schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, _EPOCHS)
+        for _ in range(_EPOCHS):
+            optimiser.zero_grad()
+            loss_of_outputs(self(x)).backward()  # type: ignore[no-untyped-call]
+            optimiser.step()
+            schedule.step()
+
+
+class _Loss:
+    """Mean loss over the walks that each member may see."""
+
+    def __init__(self, target: FloatArray, folds: NDArray[np.int64], *, logistic: bool) -> None:
+        self.target = torch.from_numpy(target)
+        seen = folds[None, :] != np.arange(_MEMBERS)[:, None]
+        self.seen = torch.from_numpy(seen)[:, :, None].to(torch.float64)
+        self.logistic = logistic
+
+    def __call__(self, outputs: torch.Tensor) -> torch.Tensor:
+        if self.logistic:
+            error = torch.nn.functional.binary_cross_entropy_with_logits(
+                outputs, self.target.expand_as(outputs), reduction="none"
+            )
+        else:
+            error = 0.5 * (outputs - self.target) ** 2  # Eq. 21
+        return (error * self.seen).sum() / self.seen.sum()
+
+
+class Surrogate:
+    """Predicts walks from design vectors; made by `fit`."""
+
+    def __init__(
+        self,
+        regressor: _Ensemble,
+        classifier: _Ensemble | None,
+        scaling: tuple[FloatArray, FloatArray],
+        heldout: FloatArray,
+        targets: FloatArray,
+        x: FloatArray,
+    ) -> None:
+        self._regressor = regressor
+        self._classifier = classifier
+        self._offset, self._scale = scaling
+        self.targets = targets
+        """Outputs of the walks learnt from that survived, shape (n, 4)."""
+        self.heldout = heldout
+        """Their prediction by a member that has not seen them, shape (n, 4)."""
+        self.fitted = self._members(x).mean(axis=0)
+        """Their prediction by the whole ensemble, shape (n, 4)."""
+        self._residual = (targets - heldout).std(axis=0)
+
+    @property
+    def r2_train(self) -> FloatArray:
+        """Share of variance explained on the walks learnt from, shape (4,)."""
+        return r_squared(self.targets, self.fitted)
+
+    @property
+    def r2_heldout(self) -> FloatArray:
+        """Share of variance explained on walks not seen, shape (4,)."""
+        return r_squared(self.targets, self.heldout)
+
+    def predict(self, x: FloatArray) -> Prediction:
+        """Predictions for design vectors, shape (n, d)."""
+        members = self._members(x)
+        deviation = np.sqrt(members.var(axis=0) + self._residual**2)
+        survival = np.ones(len(x))
+        if self._classifier is not None:
+            with torch.no_grad():
+                logits = self._classifier(torch.from_numpy(np.asarray(x, dtype=float)))
+            survival = torch.sigmoid(logits).mean(dim=0)[:, 0].numpy()
+        return Prediction(mean=members.mean(axis=0), deviation=deviation, survival=survival)
+
+    def _members(self, x: FloatArray) -> FloatArray:
+        with torch.no_grad():
+            outputs = self._regressor(torch.from_numpy(np.asarray(x, dtype=float))).numpy()
+        members: FloatArray = self._offset + self._scale * outputs
+        return members
+
+
+def fit(x: FloatArray, outputs: FloatArray, survived: BoolArray, *, seed: int = 0) -> Surrogate:
+    """Train the network.
+
+    The same walks and seed give the same network on the same machine.
+
+    Args:
+        x: Design vectors, shape (n, d).
+        outputs: What was simulated, shape (n, 4), as OUTPUTS; rows of fallen walks are not used.
+        survived: Whether each walk survived, shape (n,).
+        seed: Fixes initial weights and folds.
+
+    Raises:
+        SettingsError: fewer walks survived than a network can be fitted to.
+    """
+    survivors = int(survived.sum())
+    if survivors < FEWEST_SURVIVORS:
+        raise SettingsError(
+            f"{survivors} of {len(x)} walks survived; the network needs {FEWEST_SURVIVORS}: "
+            "draw more samples, or move the box to gaits that walk"
+        )
+    torch.set_num_threads(1)
+    generator = torch.Generator().manual_seed(seed)
+    targets = outputs[survived]
+    scaling = (targets.mean(axis=0), np.maximum(targets.std(axis=0), 1e-12))
+    x_survived = torch.from_numpy(x[survived])
+    folds = _folds(survivors, seed)
+    regressor = _Ensemble(x.shape[1], len(OUTPUTS), generator)
+    regressor.train(_Loss((targets - scaling[0]) / scaling[1], folds, logistic=False), x_survived)
+
+    classifier = None
+    if survivors < len(x):
+        classifier = _Ensemble(x.shape[1], 1, generator)
+        labels = survived[:, None].astype(float)
+        classifier.train(_Loss(labels, _folds(len(x), seed), logistic=True), torch.from_numpy(x))
+
+    with torch.no_grad():
+        members = regressor(x_survived).numpy()
+    heldout = scaling[0] + scaling[1] * members[folds, np.arange(survivors)]
+    return Surrogate(regressor, classifier, scaling, heldout, targets, x[survived])
+
+
+def _folds(count: int, seed: int) -> NDArray[np.int64]:
+    """The member that leaves each walk out, shape (count,)."""
+    return np.random.default_rng([seed, count]).permutation(count) % _MEMBERS
+
+
+def r_squared(targets: FloatArray, predicted: FloatArray) -> FloatArray:
+    """Coefficient of determination of each column, shape (k,), from two arrays (n, k)."""
+    residual = ((targets - predicted) ** 2).sum(axis=0)
+    total = ((targets - targets.mean(axis=0)) ** 2).sum(axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        value: FloatArray = 1.0 - residual / total
+    return value

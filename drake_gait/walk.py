@@ -1,0 +1,118 @@
+"""How a walk is simulated, and what one simulation left behind."""
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+
+from drake_gait.errors import SettingsError
+from drake_gait.gait import FloatArray
+from drake_gait.servo import Servo
+
+DEFAULT_MODEL = "khr3hv.sdf"
+"""The shipped robot that walks when none is named."""
+
+
+class Fidelity(StrEnum):
+    """How finely a walk is simulated; the plant is the same."""
+
+    SEARCH = "search"
+    """CENIC at a fixed step of 4 ms: fast enough for thousands of walks."""
+    REFERENCE = "reference"
+    """CENIC with error control at 1e-4: what a finalist is confirmed with."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WalkSettings:
+    """How candidates are simulated."""
+
+    model: str | Path = DEFAULT_MODEL
+    """Robot description: an SDF file, or the name of a shipped one."""
+    fidelity: Fidelity = Fidelity.SEARCH
+    """Integrator."""
+    servo: Servo = field(default_factory=Servo)
+    """The ten servos."""
+    time_limit: float = 60.0
+    """Wall-clock time after which a walk is given up as diverged [s]."""
+
+    def __post_init__(self) -> None:
+        if not self.time_limit > 0.0:
+            raise SettingsError(f"time_limit must be > 0 s, got {self.time_limit}")
+
+
+class Outcome(StrEnum):
+    """How a walk ended."""
+
+    WALKED = "walked"
+    """All 240 frames on its feet."""
+    FELL = "fell"
+    """The torso tilted or sank past the fall criterion."""
+    DIVERGED = "diverged"
+    """The solver, the process or the wall clock gave up; `Walk.reason` says which."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class History:
+    """Time histories of a walk at its n control frames, world frame (x forward, y left, z up)."""
+
+    time: FloatArray
+    """Time of each frame [s], shape (n,)."""
+    positions: FloatArray
+    """Generalised positions of the plant, shape (n, 21): what a recording replays."""
+    com: FloatArray
+    """Centre of mass p_WC [m], shape (n, 3)."""
+    torso: FloatArray
+    """Torso origin p_WT [m] and roll, pitch, yaw [rad], shape (n, 6)."""
+    ankles: FloatArray
+    """Origins of the right and the left ankle link [m], shape (n, 2, 3)."""
+    commands: FloatArray
+    """Commanded joint angles [rad], shape (n, 10), columns as gait.JOINTS."""
+    angles: FloatArray
+    """Measured joint angles [rad], shape (n, 10)."""
+    speeds: FloatArray
+    """Joint speeds [rad/s], shape (n, 10)."""
+    torques: FloatArray
+    """Torques of the servos on their joints [N·m], shape (n, 10)."""
+    toes: FloatArray
+    """Toe angles [rad], shape (n, 4): right big, right lesser, left big, left lesser."""
+    ground_reaction: FloatArray
+    """Force of the ground on the right and the left foot with its toes [N], shape (n, 2, 3)."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Walk:
+    """One simulated walk: the paper's quantities in SI units, from the first to the last frame."""
+
+    outcome: Outcome
+    """How the walk ended."""
+    steps: int
+    """Control frames completed before the robot fell: N, at most 240."""
+    forward: float
+    """Displacement of the centre of mass along world x [m]: Z_f."""
+    lateral: float
+    """The same along world y, left positive [m]: X_f."""
+    yaw: float
+    """Rotation of the torso about world z, unwrapped [rad]: R_f."""
+    com_height: float
+    """Height of the centre of mass above the ground in the last frame [m]: Y_f."""
+    reason: str = ""
+    """Why the walk ended early; empty when it did not."""
+    history: History | None = field(default=None, repr=False)
+    """Time histories, when asked for."""
+
+    @property
+    def survived(self) -> bool:
+        """Whether the robot was on its feet to the end."""
+        return self.outcome is Outcome.WALKED
+
+    @classmethod
+    def diverged(cls, reason: str, steps: int = 0) -> "Walk":
+        """The stated numbers of a walk that could not be simulated to its end: all zero."""
+        return cls(
+            outcome=Outcome.DIVERGED,
+            steps=steps,
+            forward=0.0,
+            lateral=0.0,
+            yaw=0.0,
+            com_height=0.0,
+            reason=reason,
+        )
