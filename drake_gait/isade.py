@@ -5,17 +5,18 @@ The optimiser of the paper's section IV.B (Eqs. 22-28), as a function and as ask
     result = minimize(cost, bounds, constraints=violation, vectorized=True)
 
     optimiser = Isade(bounds, seed=1, max_generations=500)
-    for _ in range(500):
+    while optimiser.generation <= 500:
         trials = optimiser.ask()                          # shape (n, d)
         optimiser.tell(cost(trials), violation(trials))   # shapes (n,) and (n, m)
     print(optimiser.best_x, optimiser.best_cost)
 
 The random numbers of a generation come from `default_rng([seed, generation])`, so the seed fixes
-the run and the small `state()` continues it exactly. docs/isade.md tells how each constant was
-chosen and how the optimiser compares with others.
+the run and the small `state()` continues it exactly. docs/isade.md has the choice of every constant
+and the comparison of both variants with other optimisers.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache
 from typing import Any, Self
 
 import numpy as np
@@ -26,30 +27,46 @@ from drake_gait.errors import SettingsError
 
 Array = NDArray[np.float64]
 
+VARIANTS = ("paper", "history")
+HANDLINGS = ("epsilon", "feasibility", "penalty")
+LEAST_SIZE = 5  # four different others for each individual
+
 RANK_STEEPNESS = 10.0  # alpha
 SCALE_RANGE = (0.15, 1.55)  # F_min, F_max
 EXPONENT_RANGE = (0.2, 6.0)  # n_min, n_max
+SCHEMES = np.array(
+    [  # of best, r1, r2, r3, r4: origin + F (second - third) + F (fourth - fifth)
+        (0, 1, 2, 3, 3),  # Eq. 22a, best/1
+        (0, 1, 2, 3, 4),  # Eq. 22b, best/2
+        (1, 0, 1, 3, 2),  # Eq. 22c, rand-to-best/1; r2 is always subtracted, for "history"
+    ]
+).T
+NEIGHBOURS = np.arange(1, 5)[:, None]
 CROSSOVER_RATES = (0.05, 0.5, 0.95)  # Cr_min, Cr_medium, Cr_max
 REDRAW_PROBABILITY = 0.1  # tau
-DECIMALS = 9  # of F: exp and power differ in the last bit from machine to machine
+DECIMALS = 9  # of F: exp and power differ in their last bit from machine to machine
 
-EPSILON_QUANTILE, EPSILON_UNTIL, EPSILON_POWER = 0.2, 0.3, 5.0
-"""Level at first, as a quantile of the first violations; when it is zero, as a part of the run."""
+EPSILON_QUANTILE = 0.2  # of the first violations: the level at the start
+EPSILON_UNTIL = 0.3  # of the generations: the level is zero from here on
+EPSILON_POWER = 5.0
 
-VARIANTS = ("paper",)
-HANDLINGS = ("feasibility", "epsilon", "penalty")
-PENDING = ("_trials", "_trial_rates")
-"""What lives from `ask` to `tell` only."""
+MEMORY_SIZE = 6  # "history" only, from here on
+ELITE = 0.11  # part of the population that takes the place of the best
+SPREAD = 0.1  # of F and Cr about what the memory holds
+TURNED = 0.5  # part of the trials crossed along the population's principal axes
 
 
 # --- the equations -------------------------------------------------------------------------------
 
 
+@cache
 def rank_scale(size: int) -> Array:
     """Scale F of the individuals ranked 1 (best) to `size`, shape (size,): the best moves most."""
     rank = np.arange(1, size + 1)
     scale = 1.0 / (1.0 + np.exp(RANK_STEEPNESS * (rank - size / 2.0) / size))  # Eq. 23
-    return np.round(scale, DECIMALS)
+    scale = np.round(scale, DECIMALS)
+    scale.setflags(write=False)  # it is shared
+    return scale
 
 
 def mean_scale(generation: int, max_generations: int) -> float:
@@ -58,47 +75,60 @@ def mean_scale(generation: int, max_generations: int) -> float:
     low, high = EXPONENT_RANGE
     exponent = low + (high - low) * progress  # Eq. 25
     low, high = SCALE_RANGE
-    scale = low + (high - low) * (1.0 - progress) ** exponent  # Eq. 24
-    return float(np.round(scale, DECIMALS))
+    scale: float = low + (high - low) * (1.0 - progress) ** exponent  # Eq. 24
+    return round(scale, DECIMALS)
 
 
 def donors(
-    x: Array, best: Array, scale: Array, scheme: NDArray[np.int64], others: NDArray[np.intp]
+    x: Array,
+    best: NDArray[np.intp] | np.intp,
+    others: NDArray[np.intp],
+    scheme: NDArray[np.intp],
+    scale: Array,
 ) -> Array:
-    """Donor of every individual, shape (n, d).
+    """Donor of every individual, shape (n, d), as a row of `SCHEMES` makes it.
 
     Args:
-        x: Population, shape (n, d).
-        best: Best individual, shape (d,).
-        scale: F of every individual, shape (n, 1).
-        scheme: 0, 1 or 2 for Eq. 22a, 22b or 22c, shape (n, 1).
-        others: Indices of four individuals for each, shape (4, n).
+        x: Points, shape (k, d).
+        best: Index of the best point, or one such index for each individual, shape (n,).
+        others: Indices of four other points for each individual, shape (4, n).
+        scheme: Row of `SCHEMES` for each individual, shape (n,).
+        scale: F of each individual, shape (n,).
     """
-    x1, x2, x3, x4 = x[others]
-    best_1 = best + scale * (x1 - x2)  # Eq. 22a
-    best_2 = best_1 + scale * (x3 - x4)  # Eq. 22b
-    rand_to_best_1 = x1 + scale * (best - x1) + scale * (x2 - x3)  # Eq. 22c
-    donor: Array = np.where(scheme == 0, best_1, np.where(scheme == 1, best_2, rand_to_best_1))
+    n = len(scale)
+    cast = np.empty((5, n), np.intp)
+    cast[0], cast[1:] = best, others
+    chosen = cast[SCHEMES.take(scheme, axis=1), np.arange(n)]
+    origin, plus_1, minus_1, plus_2, minus_2 = x.take(chosen, axis=0)
+    donor: Array = origin + scale[:, None] * ((plus_1 - minus_1) + (plus_2 - minus_2))  # Eq. 22
     return donor
 
 
-def redrawn_rates(
-    rates: Array, rng: np.random.Generator, *, probability: float = REDRAW_PROBABILITY
-) -> Array:
-    """Next crossover rates, shape (n,): few are redrawn, and a redrawn one is low or high."""
+def principal_axes(x: Array) -> Array:
+    """Directions in which points spread independently, as columns, shape (d, d)."""
+    centred = x - x.mean(0)
+    axes: Array = np.linalg.eigh(centred.T @ centred).eigenvectors
+    return axes
+
+
+def next_rates(rates: Array, redraw: Array, draw: Array) -> Array:
+    """Next crossover rates from two uniform draws each, shape (n,): a few become low or high."""
     low, medium, high = CROSSOVER_RATES
-    redraw = rng.random(len(rates)) < probability  # Eq. 27
-    drawn = np.where(rng.random(len(rates)) < medium, low, high)  # Eq. 28
-    return np.where(redraw, drawn, rates)
+    drawn = np.where(draw < medium, low, high)  # Eq. 28
+    return np.where(redraw < REDRAW_PROBABILITY, drawn, rates)  # Eq. 27
 
 
-def draw_others(size: int, count: int, rng: np.random.Generator) -> NDArray[np.intp]:
-    """For each of `size` individuals `count` different others, uniformly, shape (count, size)."""
-    # Everybody takes a random seat in a ring; the others sit at the same random distances from all.
+def addressed_rng(seed: int, generation: int) -> np.random.Generator:
+    """The random numbers of one generation of one run."""
+    return np.random.Generator(np.random.SFC64([seed, generation]))  # the quickest to seed
+
+
+def draw_others(size: int, rng: np.random.Generator) -> NDArray[np.intp]:
+    """For each of `size` individuals four different others, any four alike, shape (4, size)."""
+    # Everybody takes a random seat in a ring and is given the four neighbours on one side.
     seat = rng.permutation(size)
-    seated = np.argsort(seat)
-    distance = 1 + rng.permutation(size - 1)[:count, None]
-    others: NDArray[np.intp] = seated[(seat + distance) % size]
+    seated = seat.argsort()
+    others: NDArray[np.intp] = seated.take(seat + NEIGHBOURS, mode="wrap")
     return others
 
 
@@ -110,30 +140,31 @@ class Isade:
 
     Args:
         bounds: Lower and upper bound of every variable, shape (d, 2).
-        population_size: Individuals n, at least 5; clip(5 d, 40, 60) if not given.
+        population_size: Individuals n, at least 5; clip(5 d, 40, 60) if not given, and
+            clip(10 d, 60, 150) for "history".
         seed: Fixes every random number, at least 0.
-        max_generations: Generation at which the shared scale (Eq. 24) has come down to F_min.
+        max_generations: Generation at which the shared scale (Eq. 24) has come down to F_min, the
+            epsilon has long been zero, and the population of "history" has shrunk to 5.
         integrality: Which variables are whole numbers, shape (d,).
-        variant: "paper".
+        variant: "paper", or "history": F and Cr drawn about those that lately succeeded, any of
+            the best 11 percent in the place of the best, differences with points given up before,
+            a shrinking population, and half of the crossovers along principal axes.
         handling: How constraints count. "feasibility": a feasible point beats an infeasible one, a
             smaller violation a larger one, and between equals the cost decides. "epsilon": the
-            same, but a violation below a level that shrinks to zero counts as none; for equality
-            constraints. "penalty": cost + penalty x sum of violations, the paper's form (Eq. 10).
-        penalty: The weight (gamma) of "penalty".
+            same, but if none of the first points is feasible, a violation below a level that
+            shrinks to zero counts as none. "penalty": cost + penalty x sum of violations (Eq. 10).
+        penalty: The weight gamma of "penalty".
         initial: Points that open the first population, shape (k, d) with k <= n.
+
+    Attributes:
+        generation: Generations told so far; the first are random points.
+        best_x: Best point told so far by the rules of feasibility, shape (d,).
+        best_cost: Its cost.
+        best_violation: Its violations, 0 where satisfied, shape (m,).
 
     Raises:
         SettingsError: A value above cannot be used.
     """
-
-    generation: int
-    """Generations told so far; 0 is the random first population."""
-    best_x: Array
-    """Best point told so far by the rules of feasibility, shape (d,)."""
-    best_cost: float
-    """Its cost; infinite before the first `tell`."""
-    best_violation: Array
-    """Its violations, 0 where satisfied, shape (m,)."""
 
     def __init__(
         self,
@@ -144,46 +175,44 @@ class Isade:
         max_generations: int = 1000,
         integrality: ArrayLike | None = None,
         variant: str = "paper",
-        handling: str = "feasibility",
+        handling: str = "epsilon",
         penalty: float = 1000.0,
         initial: ArrayLike | None = None,
     ) -> None:
         self.bounds = _checked_bounds(bounds)
-        d = len(self.bounds)
-        self.population_size = _checked_size(population_size, d)
-        self.seed = _at_least("seed", seed, 0)
-        self.max_generations = _at_least("max_generations", max_generations, 1)
-        self.integrality = _checked_integrality(integrality, self.bounds)
         self.variant = _one_of("variant", variant, VARIANTS)
         self.handling = _one_of("handling", handling, HANDLINGS)
+        self.integrality = _checked_integrality(integrality, self.bounds)
+        self.population_size = _checked_size(population_size, len(self.bounds), variant)
+        self.seed = _at_least("seed", seed, 0)
+        self.max_generations = _at_least("max_generations", max_generations, 1)
         if not 0.0 < penalty < np.inf:
             raise SettingsError(f"penalty must be finite and > 0, got {penalty}")
         self.penalty = float(penalty)
-        self.generation = 0
-        self.best_x = np.full(d, np.nan)
-        self.best_cost = np.inf
-        self.best_violation = np.empty(0)
-        # A whole number k owns [k - 1/2, k + 1/2): differences below one keep their meaning.
-        half = np.where(self.integrality, 0.5, 0.0)
-        self._lower = np.where(self.integrality, np.ceil(self.bounds[:, 0]), self.bounds[:, 0])
-        self._upper = np.where(self.integrality, np.floor(self.bounds[:, 1]), self.bounds[:, 1])
-        self._lower, self._upper = self._lower - half, self._upper + half
-        rng = np.random.default_rng([self.seed, 0])
-        n = self.population_size
+        self._mixed = bool(self.integrality.any())
+        # A whole number k owns [k - 1/2, k + 1/2]: differences below one keep their meaning.
+        lower, upper = self.bounds.T
+        self._lower = np.where(self.integrality, np.ceil(lower) - 0.5, lower)
+        self._upper = np.where(self.integrality, np.floor(upper) + 0.5, upper)
+        rng = addressed_rng(self.seed, 0)
+        n, d = self.population_size, len(self.bounds)
         self._x = rng.uniform(self._lower, self._upper, (n, d))
-        self._rates = redrawn_rates(np.full(n, np.nan), rng, probability=1.0)
+        self._rates = next_rates(np.empty(n), np.zeros(n), rng.random(n))
         self._place(initial)
-        self._costs = np.full(n, np.inf)
-        self._violations = np.empty((n, 0))
-        self._violation_scale = np.empty(0)
-        self._epsilon = 0.0
-        self._rank_scale = rank_scale(n)
+        self.generation = 0
+        self.best_x, self.best_cost, self.best_violation = np.full(d, np.nan), np.inf, np.empty(0)
+        self._best_excess = np.inf
+        self._costs, self._excess = np.full(n, np.inf), np.full(n, np.inf)
+        self._unit = np.empty(0)
+        self._first_level = 0.0
+        self._archive = np.empty((0, d))
+        self._memory = np.full((2, MEMORY_SIZE), 0.5)
         self._trials: Array | None = None
-        self._trial_rates = self._rates
+        self._trial_rates = self._trial_scale = np.empty(0)
 
     @property
     def population(self) -> Array:
-        """The individuals, whole numbers rounded, shape (n, d)."""
+        """The individuals, shape (n, d)."""
         return self._decode(self._x)
 
     @property
@@ -192,18 +221,21 @@ class Isade:
         return self._costs.copy()
 
     def ask(self) -> Array:
-        """The next trials, shape (n, d), inside the bounds; the first are the random population.
+        """The next trials, shape (n, d), inside the bounds; the first are random points.
 
         Raises:
             SettingsError: The last trials have not been told.
         """
         if self._trials is not None:
             raise SettingsError("ask() called twice; tell() the costs of the last trials first")
-        self._trials = self._x if self.generation == 0 else self._next_trials()
+        if self.generation == 0:
+            self._trials, self._trial_rates = self._x, self._rates
+        else:
+            self._trials = self._next_trials()
         return self._decode(self._trials)
 
     def tell(self, costs: ArrayLike, violations: ArrayLike | None = None) -> None:
-        """Take the costs of the trials that `ask` gave; a trial replaces its parent if not worse.
+        """Take the costs of the trials that `ask` gave; one that is not worse replaces its parent.
 
         Args:
             costs: Costs in the order of the trials, shape (n,); one that is not finite loses.
@@ -215,33 +247,39 @@ class Isade:
         """
         if self._trials is None:
             raise SettingsError("tell() called before ask(); ask() for trials first")
-        cost = _finite_or_inf(costs)
-        if cost.shape != (len(self._trials),):
-            raise SettingsError(f"costs must be ({len(self._trials)},) in shape, got {cost.shape}")
+        cost = np.array(costs, dtype=np.float64)
+        cost[~np.isfinite(cost)] = np.inf
+        if cost.shape != (len(self._x),):
+            raise SettingsError(f"costs must be ({len(self._x)},) in shape, got {cost.shape}")
         violation = self._checked_violations(violations)
         if self.generation == 0:
-            self._costs, self._violations = cost, violation
-            self._start_constraints()
-        else:
-            old, old_excess = self._merit(self._costs, self._violations)
-            new, new_excess = self._merit(cost, violation)
-            won = (new_excess < old_excess) | ((new_excess == old_excess) & (new <= old))
-            self._x[won] = self._trials[won]
-            self._costs[won] = cost[won]
-            self._violations[won] = violation[won]
-            self._rates[won] = self._trial_rates[won]
-        self._keep_best(self._trials, cost, violation)
+            self._measure(violation)
+        excess = (violation / self._unit).sum(1) if len(self._unit) else np.zeros(len(cost))
+        old, old_excess = self._merit(self._costs, self._excess)
+        new, new_excess = self._merit(cost, excess)
+        won = (new_excess < old_excess) | ((new_excess == old_excess) & (new <= old))
+        if self.variant == "history" and self.generation > 0:
+            self._remember(won & ((new_excess < old_excess) | (new < old)))
+        np.copyto(self._x, self._trials, where=won[:, None])
+        self._costs[won], self._excess[won] = cost[won], excess[won]
+        self._rates[won] = self._trial_rates[won]
+        first = np.lexsort((cost, excess))[0]
+        found = (float(excess[first]), float(cost[first]))
+        if found < (self._best_excess, self.best_cost) or self.generation == 0:
+            self._best_excess, self.best_cost = found
+            self.best_x, self.best_violation = self._decode(self._trials[first]), violation[first]
         self._trials = None
         self.generation += 1
+        if self.variant == "history":
+            self._shrink()
 
     def state(self) -> dict[str, Any]:
         """All that continues the run, as arrays, numbers and strings: `numpy.savez` can keep it.
 
         Trials that were asked and not told are left out: `ask` gives them again.
         """
-        return {
-            name: np.copy(value)[()] for name, value in vars(self).items() if name not in PENDING
-        }
+        kept = vars(self).keys() - {"_trials", "_trial_scale", "_trial_rates"}
+        return {name: np.copy(getattr(self, name))[()] for name in sorted(kept)}
 
     @classmethod
     def from_state(cls, state: Mapping[str, Any]) -> Self:
@@ -252,78 +290,100 @@ class Isade:
         """
         self = cls([(0.0, 1.0)])
         if wrong := sorted(self.state().keys() ^ state.keys()):
-            raise SettingsError(f"state lacks or has too many: {', '.join(wrong)}; pass state()")
+            raise SettingsError(f"not what state() returned; look at {', '.join(wrong)}")
         for name, value in state.items():
             setattr(self, name, np.copy(value)[()])
         return self
 
     def _next_trials(self) -> Array:
-        rng = np.random.default_rng([self.seed, self.generation])
-        n, d = self._x.shape
-        cost, excess = self._merit(self._costs, self._violations)
+        rng = addressed_rng(self.seed, self.generation)
+        x, (n, d) = self._x, self._x.shape
+        cost, excess = self._merit(self._costs, self._excess)
         order = np.lexsort((cost, excess))
-        scale = np.empty((n, 1))
-        shared = mean_scale(self.generation, self.max_generations)
-        scale[order, 0] = (self._rank_scale + shared) / 2.0  # Eq. 26
-        scheme = rng.integers(3, size=(n, 1))
-        donor = donors(self._x, self._x[order[0]], scale, scheme, draw_others(n, 4, rng))
-        self._trial_rates = redrawn_rates(self._rates, rng)
-        crossed = rng.random((n, d)) < self._trial_rates[:, None]
-        crossed[np.arange(n), rng.integers(d, size=n)] = True
-        return self._repair(np.where(crossed, donor, self._x))
+        uniform = rng.random((n, d + 4))
+        scheme, forced, redraw, draw = uniform[:, d:].T
+        others = draw_others(n, rng)
+        points, best = x, order[0]
+        if self.variant == "paper":
+            scale = np.empty(n)
+            shared = mean_scale(self.generation, self.max_generations)
+            scale[order] = (rank_scale(n) + shared) / 2.0  # Eq. 26
+            rates = next_rates(self._rates, redraw, draw)
+        else:
+            elite = max(round(ELITE * n), 2)
+            best = order[rng.integers(elite, size=n)]
+            points = np.concatenate((x, self._archive))
+            stored = rng.integers(len(points), size=n)
+            others[1] = np.where(stored < n, others[1], stored)
+            about = self._memory[:, rng.integers(MEMORY_SIZE, size=n)]
+            scale = np.abs(about[0] + SPREAD * rng.standard_cauchy(n)).clip(0.02, 1.0)
+            rates = (about[1] + SPREAD * rng.standard_normal(n)).clip(0.02, 1.0)
+        self._trial_scale, self._trial_rates = scale, rates
+        donor = donors(points, best, others, (3.0 * scheme).astype(np.intp), scale)
+        crossed = uniform[:, :d] < rates[:, None]
+        crossed[np.arange(n), (d * forced).astype(np.intp)] = True
+        trials = np.where(crossed, donor, x)
+        if self.variant == "history":
+            turned, width = draw < TURNED, self._upper - self._lower
+            axes = principal_axes(x[order[: n // 2]] / width)
+            step = (donor - x)[turned] / width @ axes * crossed[turned]
+            trials[turned] = x[turned] + step @ axes.T * width
+        nearest = np.minimum(np.maximum(trials, self._lower), self._upper)
+        # What left the box comes to half-way between its parent and the bound.
+        return np.where(trials == nearest, trials, (nearest + x) / 2.0)
 
-    def _repair(self, trials: Array) -> Array:
-        """Put what left the box half-way between the parent and the bound that it crossed."""
-        trials = np.where(trials < self._lower, (self._lower + self._x) / 2.0, trials)
-        return np.where(trials > self._upper, (self._upper + self._x) / 2.0, trials)
+    def _remember(self, better: NDArray[np.bool_]) -> None:
+        """Learn from the trials that beat their parents; archive those parents."""
+        if better.any():
+            good = np.stack((self._trial_scale, self._trial_rates))[:, better]
+            # The contraharmonic mean leans to large values, lest F shrink too early.
+            self._memory[:, self.generation % MEMORY_SIZE] = (good**2).sum(1) / good.sum(1)
+            self._archive = np.concatenate((self._archive, self._x[better]))
+
+    def _shrink(self) -> None:
+        left = max(self.max_generations - self.generation, 0)
+        n = LEAST_SIZE + (self.population_size - LEAST_SIZE) * left // self.max_generations
+        if n < len(self._x):
+            cost, excess = self._merit(self._costs, self._excess)
+            keep = np.sort(np.lexsort((cost, excess))[:n])
+            self._x, self._rates = self._x[keep], self._rates[keep]
+            self._costs, self._excess = self._costs[keep], self._excess[keep]
+        self._archive = self._archive[-n:]
 
     def _decode(self, x: Array) -> Array:
-        if not self.integrality.any():
+        if not self._mixed:
             return x.copy()
-        # The upper end of the last whole number's interval rounds up, out of the box.
         whole = np.clip(np.rint(x), self._lower + 0.5, self._upper - 0.5)
         return np.where(self.integrality, whole, x)
 
-    def _merit(self, costs: Array, violations: Array) -> tuple[Array, Array]:
-        """What selection compares: first the excess, then the cost, both shape (n,)."""
+    def _merit(self, costs: Array, excess: Array) -> tuple[Array, Array]:
+        """What selection compares, the excess before the cost; both of shape (n,)."""
         if self.handling == "penalty":
-            return costs + self.penalty * violations.sum(1), np.zeros(len(costs))  # Eq. 10
-        excess = (violations / self._violation_scale).sum(1)
-        if self.handling == "epsilon":
-            excess[excess <= self._epsilon_level()] = 0.0
+            return costs + self.penalty * excess, np.zeros(len(costs))  # Eq. 10
+        left = 1.0 - self.generation / (EPSILON_UNTIL * self.max_generations)
+        if self._first_level > 0.0 < left:
+            level = self._first_level * left**EPSILON_POWER
+            excess = np.where(excess <= level, 0.0, excess)
         return costs, excess
 
-    def _epsilon_level(self) -> float:
-        left: float = 1.0 - self.generation / (EPSILON_UNTIL * self.max_generations)
-        return float(self._epsilon * max(left, 0.0) ** EPSILON_POWER)
-
-    def _start_constraints(self) -> None:
-        # Constraints differ in unit: each is measured by the first population's largest violation.
-        finite = np.where(np.isfinite(self._violations), self._violations, 0.0)
-        largest = finite.max(0)
-        self._violation_scale = np.where(largest > 0.0, largest, 1.0)
-        excess = np.sort((self._violations / self._violation_scale).sum(1))
-        level = excess[int(EPSILON_QUANTILE * len(excess))]
-        self._epsilon = float(level) if np.isfinite(level) else 0.0
-        self.best_violation = np.full(len(largest), np.inf)
-
-    def _keep_best(self, x: Array, cost: Array, violation: Array) -> None:
-        excess = (violation / self._violation_scale).sum(1)
-        i = np.lexsort((cost, excess))[0]
-        best_excess = (self.best_violation / self._violation_scale).sum()
-        better = (excess[i], cost[i]) < (best_excess, self.best_cost)
-        if better or self.generation == 0:
-            self.best_x = self._decode(x[i])
-            self.best_cost = float(cost[i])
-            self.best_violation = violation[i]
+    def _measure(self, violation: Array) -> None:
+        """Set the unit of each constraint, and the first epsilon, by the first population."""
+        largest = np.where(np.isfinite(violation), violation, 0.0).max(0)
+        raw = (largest == 0.0) | (self.handling == "penalty")
+        self._unit = np.where(raw, 1.0, largest)
+        # An equality shows itself as a constraint that no random point meets.
+        if self.handling == "epsilon" and (violation > 0.0).all(0).any():
+            excess = np.sort((violation / self._unit).sum(1))
+            level = float(excess[int(EPSILON_QUANTILE * len(excess))])
+            self._first_level = level if level < np.inf else 0.0
 
     def _checked_violations(self, violations: ArrayLike | None) -> Array:
         n = len(self._x)
-        violation = np.empty((n, 0)) if violations is None else _finite_or_inf(violations)
-        violation = np.maximum(violation, 0.0)
+        raw = np.empty((n, 0)) if violations is None else np.asarray(violations, np.float64)
+        violation = np.where(np.isnan(raw), np.inf, np.maximum(raw, 0.0))
         if violation.ndim == 1:
             violation = violation[:, None]
-        m = self._violations.shape[1] if self.generation else violation.shape[-1]
+        m = len(self._unit) if self.generation else violation.shape[-1]
         if violation.shape != (n, m):
             raise SettingsError(f"violations must be ({n}, {m}) in shape, got {violation.shape}")
         return violation
@@ -359,7 +419,7 @@ def minimize(
     integrality: ArrayLike | None = None,
     callback: Callable[[OptimizeResult], Any] | None = None,
     variant: str = "paper",
-    handling: str = "feasibility",
+    handling: str = "epsilon",
     penalty: float = 1000.0,
     initial: ArrayLike | None = None,
 ) -> OptimizeResult:
@@ -389,8 +449,11 @@ def minimize(
     Raises:
         SettingsError: A setting cannot be used, or `fun` or `constraints` return a wrong shape.
     """
-    size = _checked_size(population_size, len(_checked_bounds(bounds)))
-    generations = _at_least("max_evaluations", max_evaluations, 2 * size) // size - 1
+    _one_of("variant", variant, VARIANTS)
+    size = _checked_size(population_size, len(_checked_bounds(bounds)), variant)
+    _at_least("max_evaluations", max_evaluations, 2 * size)
+    last = LEAST_SIZE if variant == "history" else size
+    generations = 2 * max_evaluations // (size + last) - 1
     if max_iterations is not None:
         generations = min(generations, _at_least("max_iterations", max_iterations, 1))
     if stagnation is not None:
@@ -446,28 +509,22 @@ def _result(optimiser: Isade, evaluations: int, message: str) -> OptimizeResult:
 # --- checks --------------------------------------------------------------------------------------
 
 
-def _finite_or_inf(values: ArrayLike) -> Array:
-    array = np.array(values, dtype=np.float64)
-    array[~np.isfinite(array)] = np.inf
-    return array
-
-
 def _at_least(name: str, value: int, least: int) -> int:
     if isinstance(value, float) or not value >= least:
         raise SettingsError(f"{name} must be a whole number of at least {least}, got {value}")
     return int(value)
 
 
-def _one_of(name: str, value: str, known: tuple[str, ...]) -> str:
+def _one_of(name: str, value: str, known: Iterable[str]) -> str:
     if value not in known:
         raise SettingsError(f"no {name} {value!r}; there are {', '.join(known)}")
     return str(value)
 
 
-def _checked_size(population_size: int | None, d: int) -> int:
+def _checked_size(population_size: int | None, d: int, variant: str) -> int:
     if population_size is None:
-        return min(max(5 * d, 40), 60)
-    return _at_least("population_size", population_size, 5)
+        return min(max(5 * d, 40), 60) if variant == "paper" else min(max(10 * d, 60), 150)
+    return _at_least("population_size", population_size, LEAST_SIZE)
 
 
 def _checked_bounds(bounds: ArrayLike) -> Array:
