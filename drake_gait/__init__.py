@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from drake_gait.problem import Candidate, Constraints, DesignSpace, assess
     from drake_gait.servo import Servo
     from drake_gait.settings import read_study
-    from drake_gait.simulate import simulate
+    from drake_gait.simulation import simulate
     from drake_gait.store import Study
     from drake_gait.walk import Fidelity, Outcome, Walk, WalkSettings
 
@@ -27,7 +27,7 @@ _HOMES = {
     "problem": ("Candidate", "Constraints", "DesignSpace", "assess"),
     "servo": ("Servo",),
     "settings": ("read_study",),
-    "simulate": ("simulate",),
+    "simulation": ("simulate",),
     "store": ("Study",),
     "walk": ("Fidelity", "Outcome", "Walk", "WalkSettings"),
 }

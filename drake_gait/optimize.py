@@ -25,7 +25,7 @@ from drake_gait.result import file_sha256, in_words, r_squared_line, summary, ta
 from drake_gait.robot import build_robot, model_path
 from drake_gait.search import Progress, best_walk, search, training_data
 from drake_gait.settings import StudySettings, default_study, read_study
-from drake_gait.simulate import simulate
+from drake_gait.simulation import simulate
 from drake_gait.store import Study, StudyWalk
 from drake_gait.surrogate import Surrogate
 from drake_gait.workers import LocalProcesses

@@ -14,7 +14,7 @@ from drake_gait.result import file_sha256, in_words
 from drake_gait.robot import model_path
 from drake_gait.search import best_walk
 from drake_gait.settings import study_settings
-from drake_gait.simulate import simulate
+from drake_gait.simulation import simulate
 from drake_gait.store import Study, StudyWalk
 
 

@@ -1,5 +1,6 @@
 """From a robot description and a foot design to a finalized plant."""
 
+import itertools
 import logging
 from dataclasses import dataclass
 from importlib.resources import files
@@ -10,6 +11,7 @@ import numpy as np
 from pydrake.geometry import (
     AddContactMaterial,
     AddRigidHydroelasticProperties,
+    Box,
     HalfSpace,
     ProximityProperties,
     SceneGraph,
@@ -27,6 +29,7 @@ from pydrake.multibody.tree import (
     ModelInstanceIndex,
     PdControllerGains,
     RevoluteSpring,
+    RigidBody,
 )
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
@@ -41,6 +44,8 @@ TOE_HINGES = tuple(
     f"{toe}_hinge_{side}" for side in ("r", "l") for toe in ("big_toe", "lesser_toes")
 )
 """The four passive joints, in the order of every array of toe values."""
+
+_NEVER: tuple[FloatArray, FloatArray] = (np.array([-np.inf]), np.array([np.inf]))
 
 GROUND_FRICTION = 1.0
 """Both coefficients of the ground; Drake combines two surfaces as 2ab / (a + b)."""
@@ -132,6 +137,8 @@ class Robot:
     """Gait system, plant and scene graph."""
     plant: MultibodyPlant
     """The robot and the ground; continuous, named "plant", as CENIC requires."""
+    scene_graph: SceneGraph
+    """Its shapes."""
     gait: GaitSystem
     """Sends the commands."""
     instance: ModelInstanceIndex
@@ -177,6 +184,8 @@ def add_robot(
     _check_joints(plant, path)
     _add_ground(plant)
     for name in JOINTS:
+        # Commands stay within Table I, and a limit costs the solver a fifth of a walk's time.
+        plant.GetJointByName(name).set_position_limits(_NEVER[0], _NEVER[1])
         actuator = plant.GetJointActuatorByName(name)
         actuator.set_controller_gains(PdControllerGains(p=servo.stiffness, d=servo.damping))
         back_emf = actuator.effort_limit() / servo.no_load_speed
@@ -216,6 +225,18 @@ def _add_ground(plant: MultibodyPlant) -> None:
     )
 
 
+def sole_corners(robot: Robot, body: RigidBody) -> FloatArray:
+    """Corners of a foot link's collision boxes in its frame p_BC [m], shape (3, 8 k)."""
+    corners = []
+    inspector = robot.scene_graph.model_inspector()
+    for geometry in robot.plant.GetCollisionGeometriesForBody(body):
+        box = inspector.GetShape(geometry)
+        if isinstance(box, Box):
+            signs = np.array(list(itertools.product((-0.5, 0.5), repeat=3))).T
+            corners.append(inspector.GetPoseInFrame(geometry) @ (signs * box.size()[:, None]))
+    return np.hstack(corners)
+
+
 def _concerns_deformables(record: logging.LogRecord) -> bool:
     """Whether Drake warns that deformable bodies will not touch the ground: there are none."""
     return "deformable contact" in record.getMessage()
@@ -231,7 +252,7 @@ def build_robot(model: str | Path, foot: FootDesign, servo: Servo) -> Robot:
         ModelError: see `add_robot`.
     """
     builder = DiagramBuilder()
-    plant, _ = add_robot(builder, model, foot, servo)
+    plant, scene_graph = add_robot(builder, model, foot, servo)
     gait = GaitSystem()
     builder.AddSystem(gait)
     instance = plant.GetBodyByName("torso").model_instance()
@@ -241,6 +262,7 @@ def build_robot(model: str | Path, foot: FootDesign, servo: Servo) -> Robot:
     return Robot(
         diagram=builder.Build(),
         plant=plant,
+        scene_graph=scene_graph,
         gait=gait,
         instance=instance,
         springs=_toe_springs(plant),

@@ -76,6 +76,38 @@ class History:
     """Toe angles [rad], shape (n, 4): right big, right lesser, left big, left lesser."""
     ground_reaction: FloatArray
     """Force of the ground on the right and the left foot with its toes [N], shape (n, 2, 3)."""
+    sole_height: FloatArray
+    """Height of the lowest point of the right and the left foot [m], shape (n, 2)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measures:
+    """What a walk costs and how it is walked. Pairs are right foot, left foot."""
+
+    energy: float
+    """Mechanical work of the ten servos on their joints, driving and braking [J]."""
+    positive_energy: float
+    """The driving part of it alone [J]: a servo does not recover what it brakes."""
+    cost_of_transport: float
+    """Positive energy / (weight x distance walked forward); infinite without advance."""
+    peak_torque: float
+    """Largest torque of a servo on its joint [N·m]."""
+    peak_speed: float
+    """Largest speed of a servo [rad/s]."""
+    saturated_fraction: float
+    """Share of servo-time in which the controller asks for the stall torque."""
+    slip: tuple[float, float]
+    """Distance that the loaded sole slides over the ground [m]."""
+    clearance: tuple[float, float]
+    """Height that the foot's lowest point reaches in the lowest of its swings [m]."""
+    duty_factor: tuple[float, float]
+    """Share of the second cycle in which the foot carries load."""
+    toe_range: tuple[float, float, float, float]
+    """Largest angle of each toe [rad]: right big, right lesser, left big, left lesser."""
+    yaw_swing: float
+    """Range of the torso's heading [rad]."""
+    torso_tilt: float
+    """Largest lean of the torso from upright [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,6 +130,8 @@ class Walk:
     """Why the walk ended early; empty when it did not."""
     history: History | None = field(default=None, repr=False)
     """Time histories, when asked for."""
+    measures: Measures | None = None
+    """Energy, slip and the like, when histories are asked for."""
 
     @property
     def survived(self) -> bool:

@@ -3,20 +3,19 @@
 import time
 from functools import lru_cache
 from pathlib import Path
-from typing import cast
 
 import numpy as np
-from pydrake.math import RigidTransform, RollPitchYaw
-from pydrake.multibody.plant import ContactResults
+from pydrake.math import RigidTransform
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Context
 
 from drake_gait.foot import FootDesign
-from drake_gait.gait import FRAME_TIME, FRAMES, JOINTS, FloatArray
+from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray
+from drake_gait.observer import Observer
 from drake_gait.problem import Candidate
-from drake_gait.robot import TOE_HINGES, Robot, build_robot
+from drake_gait.robot import Robot, build_robot
 from drake_gait.servo import Servo
-from drake_gait.walk import Fidelity, History, Outcome, Walk, WalkSettings
+from drake_gait.walk import Fidelity, Outcome, Walk, WalkSettings
 
 FALL_TILT = np.radians(45.0)
 """The robot has fallen when its torso leans further than this from upright [rad]."""
@@ -56,7 +55,7 @@ def simulate(
     Args:
         candidate: The gait, and the foot it walks on.
         settings: How to simulate; by default the shipped robot at search fidelity.
-        history: Whether to record time histories at the control frames.
+        history: Whether to record time histories at the control frames, and measures.
 
     Raises:
         ModelError: the robot description cannot be used.
@@ -70,8 +69,8 @@ def simulate(
     robot.plant.SetPositions(plant_context, standing)
     commands = candidate.gait.commands
     robot.gait.set_commands(robot.gait.GetMyMutableContextFromRoot(context), commands)
-    recorder = _Recorder(robot, commands) if history else None
-    return _advance(robot, context, settings, recorder)
+    observer = Observer(robot, commands) if history else None
+    return _advance(robot, context, settings, observer)
 
 
 @lru_cache(maxsize=4)
@@ -103,7 +102,7 @@ def _simulator(robot: Robot, context: Context, fidelity: Fidelity) -> Simulator:
 
 
 def _advance(
-    robot: Robot, context: Context, settings: WalkSettings, recorder: "_Recorder | None"
+    robot: Robot, context: Context, settings: WalkSettings, observer: Observer | None
 ) -> Walk:
     """Step through the frames until the end, a fall or a failure."""
     plant = robot.plant
@@ -115,16 +114,17 @@ def _advance(
     deadline = time.monotonic() + settings.time_limit
     outcome, reason, steps = Outcome.WALKED, "", FRAMES
     simulator = _simulator(robot, context, settings.fidelity)
-    if recorder:
-        recorder.record(context)
+    if observer:
+        observer.record(context)
+        simulator.set_monitor(observer.monitor)
     for frame in range(1, FRAMES + 1):
         try:
             simulator.AdvanceTo(frame * FRAME_TIME)
         # Drake raises a failed assertion of its solver as SystemExit.
         except (RuntimeError, SystemExit) as error:
             return Walk.diverged(f"solver: {str(error).splitlines()[0]}", steps=frame - 1)
-        if recorder:
-            recorder.record(context)
+        if observer:
+            observer.record(context)
         X_WT = plant.EvalBodyPoseInWorld(plant_context, torso)
         headings.append(_heading(X_WT))
         if _has_fallen(X_WT, fall_height):
@@ -144,7 +144,8 @@ def _advance(
         yaw=float(np.unwrap(headings)[-1] - headings[0]),
         com_height=float(com_end[2]),
         reason=reason,
-        history=recorder.history() if recorder else None,
+        history=observer.history() if observer else None,
+        measures=observer.measures(float(com_end[0] - com_start[0])) if observer else None,
     )
 
 
@@ -158,85 +159,3 @@ def _has_fallen(X_WT: RigidTransform, fall_height: float) -> bool:
     upright = X_WT.rotation().col(2)[2]
     # Written so that a state that is not a number counts as a fall.
     return not (upright > np.cos(FALL_TILT) and X_WT.translation()[2] > fall_height)
-
-
-class _Recorder:
-    """Collects a History, frame by frame."""
-
-    def __init__(self, robot: Robot, commands: FloatArray) -> None:
-        self._robot = robot
-        self._commands = commands
-        plant = robot.plant
-        self._torso = plant.GetBodyByName("torso")
-        self._ankles = [plant.GetBodyByName(f"ankle_{side}") for side in ("r", "l")]
-        joints = [plant.GetJointByName(name) for name in JOINTS]
-        toes = [plant.GetJointByName(name) for name in TOE_HINGES]
-        self._joint_positions = [joint.position_start() for joint in joints]
-        self._joint_velocities = [joint.velocity_start() for joint in joints]
-        self._toe_positions = [joint.position_start() for joint in toes]
-        self._back_emf = np.array([joint.default_damping_vector()[0] for joint in joints])
-        self._feet = [
-            {
-                geometry
-                for link in ("foot", "big_toe", "lesser_toes")
-                for geometry in plant.GetCollisionGeometriesForBody(
-                    plant.GetBodyByName(f"{link}_{side}")
-                )
-            }
-            for side in ("r", "l")
-        ]
-        self._frames: list[dict[str, FloatArray]] = []
-
-    def record(self, context: Context) -> None:
-        """Take one frame from the diagram's context."""
-        plant = self._robot.plant
-        plant_context = plant.GetMyContextFromRoot(context)
-        positions = plant.GetPositions(plant_context)
-        speeds = plant.GetVelocities(plant_context)[self._joint_velocities]
-        X_WT = plant.EvalBodyPoseInWorld(plant_context, self._torso)
-        controller = plant.get_net_actuation_output_port().Eval(plant_context)
-        contacts = plant.get_contact_results_output_port().Eval(plant_context)
-        self._frames.append(
-            {
-                "time": np.array(context.get_time()),
-                "positions": positions,
-                "com": plant.CalcCenterOfMassPositionInWorld(plant_context),
-                "torso": np.concatenate(
-                    [X_WT.translation(), RollPitchYaw(X_WT.rotation()).vector()]
-                ),
-                "ankles": np.array(
-                    [
-                        plant.EvalBodyPoseInWorld(plant_context, ankle).translation()
-                        for ankle in self._ankles
-                    ]
-                ),
-                "commands": self._commands[len(self._frames)],
-                "angles": positions[self._joint_positions],
-                "speeds": speeds,
-                "torques": controller - self._back_emf * speeds,
-                "toes": positions[self._toe_positions],
-                "ground_reaction": self._ground_reaction(cast(ContactResults, contacts)),
-            }
-        )
-
-    def _ground_reaction(self, contacts: ContactResults) -> FloatArray:
-        """Force on each foot [N], shape (2, 3)."""
-        forces = np.zeros((2, 3))
-        for index in range(contacts.num_hydroelastic_contacts()):
-            contact = contacts.hydroelastic_contact_info(index)
-            surface = contact.contact_surface()
-            force_on_m = contact.F_Ac_W().translational()
-            for foot, geometries in enumerate(self._feet):
-                if surface.id_M() in geometries:
-                    forces[foot] += force_on_m
-                elif surface.id_N() in geometries:
-                    forces[foot] -= force_on_m
-        return forces
-
-    def history(self) -> History:
-        """The frames as arrays, the torso's angles unwrapped."""
-        stacked = {
-            name: np.array([frame[name] for frame in self._frames]) for name in self._frames[0]
-        }
-        stacked["torso"][:, 3:] = np.unwrap(stacked["torso"][:, 3:], axis=0)
-        return History(**stacked)
