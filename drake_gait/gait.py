@@ -75,6 +75,7 @@ class Gait:
                 f"{np.degrees(values[row, column]):g} for {TERMS[column]} of {WAVEFORMS[row]}; "
                 "Gait takes radians, Gait.from_degrees degrees"
             )
+        values += 0.0  # Equal gaits must have equal bytes to hash: -0.0 becomes 0.0.
         values.setflags(write=False)
         object.__setattr__(self, "coefficients", values)
 
@@ -136,7 +137,9 @@ class Gait:
         right = np.where(walking[:, None], right_phase[:, 1:], swing_at_end[:, None] * _NODE_PITCH)
         # Eqs. 7-9: the left leg takes the first step.
         left = np.where(walking[:, None], left_phase[:, 1:], swing_at_start[:, None] * _NODE_PITCH)
-        return _joint_rows(roll, right, left)
+        commands = _joint_rows(roll, right, left)
+        commands.setflags(write=False)  # They are kept.
+        return commands
 
     @property
     def jumps(self) -> FloatArray:

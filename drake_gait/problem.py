@@ -45,7 +45,7 @@ class Constraints:
         for limit in fields(self):
             value = getattr(self, limit.name)
             if not 0.0 < value < np.inf:
-                raise SettingsError(f"constraint {limit.name} must be > 0, got {value}")
+                raise SettingsError(f"constraint {limit.name} must be > 0 and finite, got {value}")
 
 
 CONSTRAINT_NAMES = ("lateral", "yaw", "com_height", "steps")

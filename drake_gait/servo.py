@@ -29,4 +29,4 @@ class Servo:
         for field in fields(self):
             value = getattr(self, field.name)
             if not 0.0 < value < 1e6:
-                raise SettingsError(f"servo {field.name} must be > 0, got {value}")
+                raise SettingsError(f"servo {field.name} must be > 0 and < 1e6, got {value}")

@@ -1,0 +1,61 @@
+"""The foot's design."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from drake_gait.errors import SettingsError
+from drake_gait.foot import DESIGN_LIMITS, FOOT_WIDTH, N_MM_PER_DEG, FootDesign
+
+FIELDS = [field.name for field in dataclasses.fields(FootDesign)]
+
+
+def test_the_default_foot_is_the_paper_s():
+    foot = FootDesign()
+    # 0.52 and 0.26 N·mm/deg; 22 mm of 78 mm, a ratio of 0.28.
+    assert foot.big_toe_stiffness == pytest.approx(0.0298, abs=5e-5)
+    assert foot.lesser_toes_stiffness == pytest.approx(0.0149, abs=5e-5)
+    assert foot.big_toe_width == 0.022
+    assert round(foot.big_toe_width / FOOT_WIDTH, 2) == 0.28
+
+
+def test_one_newton_millimetre_per_degree_is_0_0573_newton_metres_per_radian():
+    assert pytest.approx(0.001 / np.radians(1.0)) == N_MM_PER_DEG
+
+
+def test_both_toes_and_their_gap_are_as_wide_as_the_foot():
+    foot = FootDesign(big_toe_width=0.030)
+    assert foot.lesser_toes_width == pytest.approx(0.047)
+    assert foot.big_toe_width + 0.001 + foot.lesser_toes_width == pytest.approx(0.078)
+
+
+def test_every_field_of_the_foot_has_limits_and_a_default_within():
+    assert list(DESIGN_LIMITS) == FIELDS
+    for name, (lower, upper) in DESIGN_LIMITS.items():
+        assert 0.0 < lower < getattr(FootDesign(), name) < upper
+
+
+@pytest.mark.parametrize("name", FIELDS)
+def test_a_foot_may_lie_on_its_limits(name):
+    for limit in DESIGN_LIMITS[name]:
+        assert getattr(FootDesign(**{name: limit}), name) == limit
+
+
+@pytest.mark.parametrize("name", FIELDS)
+@pytest.mark.parametrize("factor", [np.nan, -1.0, 0.0, 0.999, np.inf])
+def test_a_foot_outside_its_limits_is_refused_with_range_unit_and_value(name, factor):
+    value = DESIGN_LIMITS[name][0] * factor
+    with pytest.raises(SettingsError, match=rf"^{name} must lie in .+ to .+ (N·m|m).*, got "):
+        FootDesign(**{name: value})
+
+
+@pytest.mark.parametrize("name", FIELDS)
+def test_a_foot_above_its_limits_is_refused(name):
+    with pytest.raises(SettingsError, match=name):
+        FootDesign(**{name: DESIGN_LIMITS[name][1] * 1.001})
+
+
+def test_feet_are_equal_and_hash_alike_when_their_fields_are():
+    assert FootDesign(big_toe_width=0.03) == FootDesign(big_toe_width=0.03)
+    assert len({FootDesign(), FootDesign(), FootDesign(big_toe_width=0.03)}) == 2
