@@ -68,6 +68,8 @@ GAIT_PHASES = (
 CONTACT_FORCE = 0.1
 """A foot stands on the ground when it is pressed with more than this [N]."""
 
+_HEAD_ABOVE_TORSO = 0.166  # from the torso's origin to the top of the head [m]
+
 _LEG_JOINTS = {
     "roll": "hip_roll",
     "hip": "hip_pitch",
@@ -245,6 +247,51 @@ def predicted_against_simulated(
         _save(figure, path)
 
 
+def postures(history: History, legs: FloatArray, path: Path) -> None:
+    """Fig. 12: the robot at five instants of the second cycle, from its right side.
+
+    Args:
+        history: A walk.
+        legs: Points of both legs p_WP [m], shape (n, 2, 7, 3): `recording.leg_points`.
+        path: The file to write.
+    """
+    with rc_context(STYLE):
+        figure = _figure(PAGE, 3.1)
+        panels = figure.subplots(1, len(GAIT_PHASES), sharey=True)
+        for axes, (instant, phase) in zip(panels, GAIT_PHASES, strict=True):
+            frame = min(round(instant / FRAME_TIME), len(history.time) - 1)
+            centre = history.com[frame, 0]
+            axes.axhline(0.0, color="black", linewidth=0.8)
+            for foot in (1, 0):  # the right leg is the nearer one
+                colour = SIDES[foot][1]
+                hip, knee, ankle, heel, ball, big_toe, lesser_toes = legs[frame, foot]
+                limb = np.array([hip, knee, ankle])
+                plate = np.array([ankle, heel, ball, ankle])
+                for points, width in ((limb, 2.2), (plate, 1.2)):
+                    _side_view(axes, points, centre, color=colour, linewidth=width)
+                _side_view(axes, limb, centre, color=colour, marker="o", markersize=3.5,
+                           linewidth=0.0)  # fmt: skip
+                for toe in (lesser_toes, big_toe):
+                    _side_view(axes, np.array([ball, toe]), centre, color=ORANGE, linewidth=2.2)
+            hips = legs[frame, :, 0].mean(axis=0)
+            _side_view(axes, np.array([hips, _head(history, frame)]), centre, color=GREY,
+                       linewidth=3.0)  # fmt: skip
+            _side_view(axes, history.com[frame : frame + 1], centre, color=COM, marker="o",
+                       markersize=5.0)  # fmt: skip
+            axes.set_aspect("equal")
+            axes.set(xlim=(-120.0, 120.0), ylim=(-15.0, 415.0))
+            axes.set_title(f"{instant:.1f} s, {phase}")
+        panels[0].set_ylabel("height [mm]")
+        panels[len(panels) // 2].set_xlabel("forward of the centre of mass [mm]")
+        for label, colour in (*((f"{side} leg", colour) for side, colour in SIDES),
+                              ("toes", ORANGE), ("upper body", GREY)):  # fmt: skip
+            panels[0].plot([], [], color=colour, linewidth=2.2, label=label)
+        panels[0].plot([], [], "o", color=COM, label="centre of mass")
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=5)
+        _save(figure, path)
+
+
 def ground_reaction(history: History, path: Path) -> None:
     """Vertical force on each foot, and when each foot stands on the ground."""
     vertical = history.ground_reaction[:, :, 2]
@@ -290,6 +337,27 @@ def torques(history: History, path: Path, limit: float) -> None:
         panels[0].plot([], [], color="black", linestyle=":", linewidth=0.8, label="stall torque")
         figure.legend(loc="outside upper center", ncols=3)
         _save(figure, path)
+
+
+def _head(history: History, frame: int) -> FloatArray:
+    """Top of the head [m], from the pose of the torso."""
+    roll, pitch = history.torso[frame, 3:5]
+    yaw = history.torso[frame, 5]
+    # The third column of the rotation matrix of roll, pitch, yaw.
+    up = np.array(
+        [
+            np.cos(yaw) * np.sin(pitch) * np.cos(roll) + np.sin(yaw) * np.sin(roll),
+            np.sin(yaw) * np.sin(pitch) * np.cos(roll) - np.cos(yaw) * np.sin(roll),
+            np.cos(pitch) * np.cos(roll),
+        ]
+    )
+    top: FloatArray = history.torso[frame, :3] + _HEAD_ABOVE_TORSO * up
+    return top
+
+
+def _side_view(axes: Axes, points: FloatArray, centre: float, **style: Any) -> None:
+    """Draw points (n, 3) [m] from the right side in millimetres, x measured from `centre` [m]."""
+    axes.plot(1e3 * (points[:, 0] - centre), 1e3 * points[:, 2], solid_capstyle="round", **style)
 
 
 def _best_so_far(forward: FloatArray, feasible: NDArray[np.bool_]) -> FloatArray:

@@ -5,7 +5,8 @@ it at rest at 1.5 s.
 """
 
 import html
-import os
+import logging
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from pydrake.geometry import (
     Rgba,
 )
 from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_gait.errors import GaitError, SettingsError
@@ -34,6 +36,9 @@ from drake_gait.walk import DEFAULT_MODEL, History, Walk
 
 FORCE_SCALE = 0.010
 """Length of a ground reaction arrow [m/N]: the robot's weight is 147 mm long."""
+
+LEG_POINTS = ("hip", "knee", "ankle", "heel", "ball", "big toe", "lesser toes")
+"""Pitch axes of hip, knee and ankle; rear and front edge of the heel part; tips of the toes."""
 
 # Okabe and Ito's palette, as in figures.py; right is blue and left is vermilion in both.
 _COM, _RIGHT, _LEFT = Rgba(0.0, 0.62, 0.45), Rgba(0.0, 0.45, 0.70), Rgba(0.84, 0.37, 0.0)
@@ -58,7 +63,7 @@ def record(
     candidate: Candidate,
     path: Path,
     *,
-    model: str | os.PathLike[str] = DEFAULT_MODEL,
+    model: str | Path = DEFAULT_MODEL,
     caption: str = "",
 ) -> None:
     """Write a walk as one self-contained HTML page.
@@ -94,8 +99,57 @@ def record(
         raise GaitError(f"cannot write the recording {path}: {error.strerror}") from None
 
 
+def leg_points(
+    history: History, candidate: Candidate, *, model: str | Path = DEFAULT_MODEL
+) -> FloatArray:
+    """Where the joints and edges of both legs are, for a figure of the postures.
+
+    Returns:
+        Points p_WP [m], shape (n, 2, 7, 3): frames; right and left; LEG_POINTS; x, y, z.
+
+    Raises:
+        SettingsError: another robot walked this walk.
+    """
+    builder = DiagramBuilder()
+    plant, scene_graph = add_robot(builder, model, candidate.foot, Servo())
+    _check_positions(history, plant, model)
+    inspector = scene_graph.model_inspector()
+    context = plant.CreateDefaultContext()
+
+    def end_of_plate(link: str, direction: float) -> tuple[str, Any]:
+        """The middle of the front or rear edge of a link's one box, in its frame."""
+        (geometry,) = plant.GetCollisionGeometriesForBody(plant.GetBodyByName(link))
+        box: Any = inspector.GetShape(geometry)
+        X_LG = inspector.GetPoseInFrame(geometry)
+        return link, X_LG.multiply(_vector([direction * box.width() / 2.0, 0.0, 0.0]))
+
+    places = [
+        [
+            (f"thigh_{side}", _vector([0.0, 0.0, 0.0])),
+            (f"shin_{side}", _vector([0.0, 0.0, 0.0])),
+            (f"ankle_{side}", _vector([0.0, 0.0, 0.0])),
+            end_of_plate(f"foot_{side}", -1.0),
+            end_of_plate(f"foot_{side}", 1.0),
+            end_of_plate(f"big_toe_{side}", 1.0),
+            end_of_plate(f"lesser_toes_{side}", 1.0),
+        ]
+        for side in ("r", "l")
+    ]
+    points = np.empty((len(history.positions), 2, len(LEG_POINTS), 3))
+    for frame, positions in enumerate(history.positions):
+        plant.SetPositions(context, positions)
+        for foot, leg in enumerate(places):
+            for point, (link, p_LP) in enumerate(leg):
+                X_WL = plant.EvalBodyPoseInWorld(context, plant.GetBodyByName(link))
+                points[frame, foot, point] = X_WL.multiply(p_LP)
+    return points
+
+
 def _start_meshcat() -> Meshcat:
     """A Meshcat on the first free port from 7000 on; nothing needs to connect to it."""
+    log = logging.getLogger("drake")
+    level = log.level
+    log.setLevel(logging.WARNING)  # or it invites to an address where nothing is to be seen
     try:
         return Meshcat(MeshcatParams(host="localhost", show_stats_plot=False))
     except RuntimeError as error:
@@ -103,6 +157,8 @@ def _start_meshcat() -> Meshcat:
         raise GaitError(
             f"Meshcat found no free port from 7000 to 7999 for a recording: {first_line}"
         ) from None
+    finally:
+        log.setLevel(level)
 
 
 def _instant(frame: int) -> float:
@@ -116,11 +172,12 @@ def _vector(values: ArrayLike) -> Any:
 
 
 def _animate_robot(
-    meshcat: Meshcat, history: History, candidate: Candidate, model: str | os.PathLike[str]
+    meshcat: Meshcat, history: History, candidate: Candidate, model: str | Path
 ) -> None:
     """Pose the links at every frame."""
     builder = DiagramBuilder()
     plant, scene_graph = add_robot(builder, model, candidate.foot, Servo())
+    _check_positions(history, plant, model)
     MeshcatVisualizer.AddToBuilder(
         builder,
         scene_graph,
@@ -130,15 +187,18 @@ def _animate_robot(
     diagram = builder.Build()
     context = diagram.CreateDefaultContext()
     plant_context = plant.GetMyMutableContextFromRoot(context)
+    for frame, positions in enumerate(history.positions):
+        context.SetTime(_instant(frame))
+        plant.SetPositions(plant_context, positions)
+        diagram.ForcedPublish(context)
+
+
+def _check_positions(history: History, plant: MultibodyPlant, model: str | Path) -> None:
     if history.positions.shape[1] != plant.num_positions():
         raise SettingsError(
             f"the walk has {history.positions.shape[1]} positions, the robot {model} has "
             f"{plant.num_positions()}; give the model that walked"
         )
-    for frame, positions in enumerate(history.positions):
-        context.SetTime(_instant(frame))
-        plant.SetPositions(plant_context, positions)
-        diagram.ForcedPublish(context)
 
 
 def _animate_ground_reaction(meshcat: Meshcat, history: History) -> None:
@@ -263,83 +323,27 @@ def _place_camera_and_lights(meshcat: Meshcat, history: History) -> None:
     meshcat.SetCameraPose(
         _vector(target + distance * _VIEW / np.linalg.norm(_VIEW)), _vector(target)
     )
-    lamp = "/Lights/SpotLight"
-    meshcat.SetProperty(lamp, "visible", True)
-    meshcat.SetProperty(f"{lamp}/<object>", "position", [0.9, -1.1, 2.2])
-    meshcat.SetProperty(f"{lamp}/<object>", "intensity", 18.0)
-    meshcat.SetProperty(f"{lamp}/<object>", "angle", 0.35)
-    meshcat.SetProperty(f"{lamp}/<object>", "penumbra", 0.6)
-    meshcat.SetProperty(f"{lamp}/<object>", "castShadow", True)
-    meshcat.SetProperty(f"{lamp}/<object>", "shadow.mapSize.width", 2048.0)
-    meshcat.SetProperty(f"{lamp}/<object>", "shadow.mapSize.height", 2048.0)
-    meshcat.SetProperty("/Lights/PointLightNegativeX/<object>", "intensity", 8.0)
-    meshcat.SetProperty("/Lights/PointLightPositiveX/<object>", "intensity", 8.0)
-    meshcat.SetProperty("/Lights/AmbientLight/<object>", "intensity", 0.9)
-
-
-_PANEL = """
-<style>
-  #walk-panel {
-    position: fixed; inset: auto 0 0 0; box-sizing: border-box; padding: 0.5rem 1rem;
-    background: rgb(255 255 255 / 0.82); color: #222; font: 0.875rem/1.6 system-ui, sans-serif;
-  }
-  #walk-panel p { margin: 0; display: flex; flex-wrap: wrap; column-gap: 1.2em; }
-  #walk-panel i { display: inline-block; width: 1.2em; height: 0.25em; margin: 0 0.4em 0.2em 0; }
-  #walk-panel label { display: flex; align-items: center; gap: 0.8em; }
-  #walk-panel button { min-width: 4.5em; }
-  #walk-panel input { flex: 1; }
-  #walk-panel output { min-width: 4em; text-align: right; font-variant-numeric: tabular-nums; }
-</style>
-<div id="walk-panel">
-  <p><strong>@caption@</strong>
-    <span><i style="background:#009e73"></i>centre of mass</span>
-    <span><i style="background:#0072b2"></i>right ankle, force</span>
-    <span><i style="background:#d55e00"></i>left ankle, force</span>
-    <span><i style="background:#40454d"></i>start</span>
-    <span><i style="background:#cc79a7"></i>finish</span>
-    <span>grid 10 and 100 mm; arrows @scale@ mm/N</span></p>
-  <label><button type="button">Pause</button>
-    <input type="range" min="0" step="0.02" aria-label="time"><output></output></label>
-</div>
-<script>
-  (() => {
-    const panel = document.getElementById("walk-panel");
-    const [button, slider, clock] = ["button", "input", "output"].map(
-      (name) => panel.querySelector(name));
-    const animator = viewer.animator;
-    const seek = (time) => { animator.seek(time); animator.display_progress(time); };
-    let loaded = false;
-    button.onclick = () => animator.playing ? animator.pause() : animator.play();
-    slider.oninput = () => { animator.pause(); seek(Number(slider.value)); };
-    const follow = () => {
-      requestAnimationFrame(follow);
-      if (!loaded && animator.duration > 0) {  // Meshcat loads the walk in its own time
-        loaded = true;
-        slider.max = animator.duration;
-        const wanted = /#t=([0-9.]+)/.exec(location.hash);
-        if (wanted) {
-          animator.pause();
-          seek(Math.min(Number(wanted[1]), animator.duration));
-        }
-      }
-      slider.value = animator.time;
-      clock.value = `${animator.time.toFixed(2)} s`;
-      button.textContent = animator.playing ? "Pause" : "Play";
-    };
-    follow();
-    // A page taller than wide shows the whole walk, smaller.
-    const fit = () => { viewer.camera.zoom = Math.min(1, innerWidth / innerHeight); };
-    addEventListener("resize", fit);
-    fit();
-  })();
-</script>
-"""
+    meshcat.SetProperty("/Lights/SpotLight", "visible", True)
+    meshcat.SetProperty("/Lights/SpotLight/<object>", "castShadow", True)
+    meshcat.SetProperty("/Lights/SpotLight/<object>", "position", [0.9, -1.1, 2.2])
+    for light, quantity, value in (
+        ("SpotLight", "intensity", 18.0),
+        ("SpotLight", "angle", 0.35),
+        ("SpotLight", "penumbra", 0.6),
+        ("SpotLight", "shadow.mapSize.width", 2048.0),
+        ("SpotLight", "shadow.mapSize.height", 2048.0),
+        ("PointLightNegativeX", "intensity", 8.0),
+        ("PointLightPositiveX", "intensity", 8.0),
+        ("AmbientLight", "intensity", 0.9),
+    ):
+        meshcat.SetProperty(f"/Lights/{light}/<object>", quantity, value)
 
 
 def _with_panel(page: str, caption: str) -> str:
     """Add title, caption, legend, pause button and time slider to Meshcat's page."""
     title = html.escape(caption or "A walk")
-    panel = _PANEL.replace("@caption@", title).replace("@scale@", f"{1e3 * FORCE_SCALE:g}")
+    panel = (files("drake_gait") / "recording_panel.html").read_text(encoding="utf-8")
+    panel = panel.replace("@scale@", f"{1e3 * FORCE_SCALE:g}").replace("@caption@", title)
     page = page.replace("<title>Drake MeshCat</title>", f"<title>{title}</title>", 1)
     before, closing, after = page.rpartition("</body>")
     return before + panel + closing + after

@@ -1,3 +1,4 @@
+import dataclasses
 import itertools
 from pathlib import Path
 from xml.etree import ElementTree
@@ -35,6 +36,7 @@ def history() -> History:
         speeds=np.zeros((n, 10)),
         torques=np.sin(time)[:, None] * np.linspace(0.2, 1.0, 10),
         toes=np.zeros((n, 4)),
+        sole_height=np.zeros((n, 2)),
         ground_reaction=weight[:, :, None] * np.array([0.0, 0.0, 1.0]),
     )
 
@@ -78,6 +80,31 @@ def test_paths_have_one_scale_in_both_directions_and_millimetres(
     path = tmp_path / "paths.svg"
     figures.paths(history, path)
     assert {"forward [mm]", "lateral, left positive [mm]", "centre of mass"} <= set(texts(path))
+
+
+def test_postures_name_the_five_phases_of_the_gait(history: History, tmp_path: Path) -> None:
+    legs = np.broadcast_to([0.0, 0.05, 0.1], (FRAMES + 1, 2, 7, 3))
+    path = tmp_path / "postures.svg"
+    figures.postures(history, legs, path)
+    assert {"1.2 s, initial contact", "2.1 s, initial swing", "height [mm]"} <= set(texts(path))
+
+
+@pytest.mark.parametrize(
+    ("roll", "pitch", "yaw", "lean"),
+    [
+        (0.0, 0.0, 1.0, (0.0, 0.0)),
+        (0.1, 0.0, 0.0, (0.0, -0.1)),
+        (0.0, 0.1, 0.0, (0.1, 0.0)),
+        (0.0, 0.1, np.pi / 2.0, (0.0, 0.1)),
+    ],
+    ids=["turned", "rolled to the right", "pitched forward", "pitched and turned to the left"],
+)
+def test_the_head_leans_as_the_torso_does(
+    history: History, roll: float, pitch: float, yaw: float, lean: tuple[float, float]
+) -> None:
+    torso = np.array([[0.0, 0.0, 0.235, roll, pitch, yaw]])
+    head = figures._head(dataclasses.replace(history, torso=torso), 0)
+    np.testing.assert_allclose(head[:2], figures._HEAD_ABOVE_TORSO * np.sin(lean), atol=1e-12)
 
 
 def test_the_same_data_give_the_same_file(history: History, tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ from drake_gait.foot import FootDesign
 from drake_gait.gait import FRAME_TIME, Gait
 from drake_gait.problem import Candidate
 from drake_gait.recording import record
-from drake_gait.simulate import simulate
+from drake_gait.simulation import simulate
 from drake_gait.walk import History
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
