@@ -21,12 +21,13 @@ DESIGN_LIMITS = {
 }
 """Smallest and largest value of each field of FootDesign, in its unit."""
 
-_UNITS = {
+DESIGN_UNITS = {
     "big_toe_stiffness": "N·m/rad",
     "lesser_toes_stiffness": "N·m/rad",
     "toe_damping": "N·m·s/rad",
     "big_toe_width": "m",
 }
+"""Their units."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,8 +49,8 @@ class FootDesign:
             value = getattr(self, field.name)
             if not lower <= value <= upper:
                 raise SettingsError(
-                    f"{field.name} must lie in {lower:.4g} to {upper:.4g} {_UNITS[field.name]}, "
-                    f"got {value}"
+                    f"{field.name} must lie in {lower:.4g} to {upper:.4g} "
+                    f"{DESIGN_UNITS[field.name]}, got {value}"
                 )
 
     @property

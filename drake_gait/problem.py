@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from drake_gait.errors import SettingsError
-from drake_gait.foot import DESIGN_LIMITS, FootDesign
+from drake_gait.foot import DESIGN_LIMITS, DESIGN_UNITS, FootDesign
 from drake_gait.gait import ANGLE_LIMITS, FRAMES, TERMS, WAVEFORMS, FloatArray, Gait
 from drake_gait.walk import Walk
 
@@ -100,8 +100,8 @@ def assess(walk: Walk, limits: Constraints) -> Assessment:
 class DesignSpace:
     """Where gaits and feet are looked for.
 
-    A design vector x is dimensionless: the box in which samples are drawn is -1 <= x <= 1, and
-    `limits` says how far beyond it the search may go. Design variables of the foot that are not
+    A design vector x is dimensionless: samples are drawn from the `box` -1 <= x <= 1, and `limits`
+    says how far beyond it the search may go. Design variables of the foot that are not
     open stay as in `foot`.
     """
 
@@ -132,15 +132,18 @@ class DesignSpace:
                 f"{np.degrees(self.centre[row, column]):g} degrees; Table I allows "
                 f"{np.degrees(lower[row, column]):g} to {np.degrees(upper[row, column]):g}"
             )
+        opened = [name for name, _, _ in self.foot_ranges]
         for name, low, high in self.foot_ranges:
+            if opened.count(name) > 1:
+                raise SettingsError(f"{name} is open twice; give it one range")
             if name not in DESIGN_LIMITS:
                 raise SettingsError(f"no foot design variable '{name}'; there are "
                                     f"{', '.join(DESIGN_LIMITS)}")  # fmt: skip
             smallest, largest = DESIGN_LIMITS[name]
             if not smallest <= low < high <= largest:
                 raise SettingsError(
-                    f"range of {name} must rise and lie in {smallest:.4g} to {largest:.4g}, "
-                    f"got {low:g} to {high:g}"
+                    f"range of {name} must rise and lie in {smallest:.4g} to {largest:.4g} "
+                    f"{DESIGN_UNITS[name]}, got {low:.4g} to {high:.4g}"
                 )
 
     @property
@@ -165,6 +168,11 @@ class DesignSpace:
             axis=1,
         )
         return np.vstack([coefficients, np.tile([-1.0, 1.0], (len(self.foot_ranges), 1))])
+
+    @property
+    def box(self) -> FloatArray:
+        """Where samples are drawn, shape (d, 2): -1 to 1, as far as the limits allow."""
+        return np.clip([-1.0, 1.0], self.limits[:, :1], self.limits[:, 1:])
 
     def decode(self, x: ArrayLike) -> Candidate:
         """The candidate at x, shape (d,)."""

@@ -85,7 +85,8 @@ def design_of_experiments(settings: StudySettings) -> FloatArray:
     """A Latin hypercube in the box: design vectors, shape (samples, d)."""
     rng = np.random.default_rng([settings.seed, _DESIGN])
     unit = qmc.LatinHypercube(settings.space.dimension, rng=rng).random(settings.search.samples)
-    design: FloatArray = 2.0 * unit - 1.0
+    lower, upper = settings.space.box.T
+    design: FloatArray = lower + (upper - lower) * unit
     return design
 
 

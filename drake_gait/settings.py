@@ -187,7 +187,8 @@ def read_study(path: Path, overrides: Mapping[tuple[str, str], Any] | None = Non
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SettingsError(f"study {path} is not TOML: {error}") from None
     for (section, key), value in (overrides or {}).items():
-        content.setdefault(section, {})[key] = value
+        if isinstance(values := content.setdefault(section, {}), dict):  # Others: see _study.
+            values[key] = value
     try:
         return _study(content)
     except SettingsError as error:
@@ -209,6 +210,9 @@ def _study(content: Mapping[str, Any]) -> StudySettings:
         walk["time_limit"] = _number("walk.time_limit_s", walk.pop("time_limit_s"))
     if "fidelity" in walk:
         walk["fidelity"] = _fidelity(walk["fidelity"])
+    _texts("walk", walk, ("model",))
+    _texts("study", study, ("question",))
+    _texts("box", box, ("chosen",))
     if not isinstance(study.get("name"), str):
         raise SettingsError('[study] needs a name = "..."')
     return StudySettings(
@@ -220,7 +224,7 @@ def _study(content: Mapping[str, Any]) -> StudySettings:
             foot=FootDesign(**_scaled("foot", content, _FOOT)),
             foot_ranges=_ranges(content.get("design", {})),
         ),
-        chosen=str(box.get("chosen", "")),
+        chosen=box.get("chosen", ""),
         constraints=Constraints(**_scaled("constraints", content, _CONSTRAINTS)),
         walk=WalkSettings(**walk, servo=Servo(**_scaled("servo", content, _SERVO))),
     )
@@ -241,6 +245,12 @@ def _number(name: str, value: Any) -> float:
     return float(value)
 
 
+def _texts(section: str, values: Mapping[str, Any], keys: tuple[str, ...]) -> None:
+    for key in keys:
+        if not isinstance(values.get(key, ""), str):
+            raise SettingsError(f"{section}.{key} must be text, got {values[key]!r}")
+
+
 def _scaled(
     section: str, content: Mapping[str, Any], table: Mapping[str, tuple[str, float]]
 ) -> dict[str, float]:
@@ -259,12 +269,10 @@ def _fidelity(value: Any) -> Fidelity:
 
 
 def _degrees(name: str, rows: Any) -> FloatArray:
-    try:
-        values = np.array(rows, dtype=float)
-    except (TypeError, ValueError):
-        values = np.empty(0)
-    if values.shape != (4, 4):
+    lists = isinstance(rows, list) and all(isinstance(row, list) for row in rows)
+    if not lists or [len(row) for row in rows] != [4, 4, 4, 4]:
         raise SettingsError(f"box.{name} must be 4 rows of 4 numbers, got {rows!r}")
+    values = [[_number(f"box.{name}", value) for value in row] for row in rows]
     radians: FloatArray = np.radians(values)
     return radians
 

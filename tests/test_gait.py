@@ -52,7 +52,7 @@ def test_the_angular_velocity_is_that_of_two_steps_in_1_2_seconds():
 
 
 def test_the_walk_lasts_4_8_seconds():
-    assert FRAMES * FRAME_TIME == pytest.approx(4.8)
+    assert pytest.approx(4.8) == FRAMES * FRAME_TIME
 
 
 def test_the_angle_limits_are_those_of_table_i():
@@ -115,10 +115,10 @@ def test_the_gait_function_repeats_every_cycle(coefficients, time):
 
 
 def test_the_joints_are_right_then_left_from_the_hip_down():
-    assert JOINTS == (
+    assert (
         *("hip_roll_r", "hip_pitch_r", "knee_r", "ankle_pitch_r", "ankle_roll_r"),
         *("hip_roll_l", "hip_pitch_l", "knee_l", "ankle_pitch_l", "ankle_roll_l"),
-    )
+    ) == JOINTS
 
 
 # The table of Eqs. 3-9: degrees at t = 0, 0.3, 3.3, 3.6 and 4.8 s.
