@@ -14,7 +14,8 @@ process loses none, a power cut at most the last few.
 import fcntl
 import json
 import sqlite3
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime
 from pathlib import Path
@@ -84,20 +85,13 @@ class Study:
         Raises:
             StudyError: it cannot be written, or another driver has it.
         """
-        lock = _driver_lock(path)
-        connection = _connect(path, "rwc")
-        study = cls(path, connection, lock)
-        with study._reporting():
-            connection.execute("pragma journal_mode = wal")
-            connection.execute("pragma synchronous = normal")
-            with connection:
-                connection.execute("create table study (key text primary key, value text)")
-                connection.execute(f"create table walks ({', '.join(_COLUMNS)})")
-                rows = {"schema": SCHEMA, **description}
-                connection.executemany(
-                    "insert into study values (?, ?)",
-                    [(key, json.dumps(value)) for key, value in rows.items()],
-                )
+        with ExitStack() as cleanup:
+            lock = cleanup.enter_context(_driver_lock(path))
+            if path.exists():
+                raise StudyError(f"{path.parent} holds a study already; open it, or give --out")
+            _write_empty(path, description)
+            study = cls._opened(path, lock)
+            cleanup.pop_all()
         return study
 
     @classmethod
@@ -110,12 +104,22 @@ class Study:
         """
         if not path.is_file():
             raise StudyError(f"no study file {path}; `python -m drake_gait.optimize` makes one")
-        lock = _driver_lock(path) if driver else None
-        study = cls(path, _connect(path, "rw" if driver else "ro"), lock)
-        with study._reporting():
+        with ExitStack() as cleanup:
+            lock = cleanup.enter_context(_driver_lock(path)) if driver else None
+            study = cls._opened(path, lock)
+            cleanup.pop_all()
+        return study
+
+    @classmethod
+    def _opened(cls, path: Path, lock: IO[str] | None) -> Self:
+        with ExitStack() as cleanup:
+            connection = _connect(path, "rw" if lock else "ro")
+            cleanup.callback(connection.close)
+            study = cls(path, connection, lock)
             found = study.description().get("schema")
-        if found != SCHEMA:
-            raise StudyError(f"{path} has schema {found}; this version reads schema {SCHEMA}")
+            if found != SCHEMA:
+                raise StudyError(f"{path} has schema {found}; this version reads schema {SCHEMA}")
+            cleanup.pop_all()
         return study
 
     def __enter__(self) -> Self:
@@ -132,7 +136,7 @@ class Study:
 
     def description(self) -> dict[str, Any]:
         """What the study is: schema, settings, model_sha256, versions."""
-        with self._reporting():
+        with _reporting(self.path):
             rows = self._connection.execute("select key, value from study").fetchall()
         return {key: json.loads(value) for key, value in rows}
 
@@ -162,7 +166,7 @@ class Study:
 
     def set(self, key: str, value: Any) -> None:
         """Keep one more value about the study, as JSON."""
-        with self._reporting(), self._connection:
+        with _reporting(self.path), self._connection:
             self._connection.execute(
                 "insert or replace into study values (?, ?)", (key, json.dumps(value))
             )
@@ -175,50 +179,72 @@ class Study:
         """
         walk, predicted = entry.walk, entry.predicted or {}
         row = (
-            [entry.id, entry.stage, entry.iteration]
+            [int(entry.id), entry.stage, int(entry.iteration)]
             + [float(value) for value in entry.candidate.gait.coefficients.ravel()]
             + [getattr(entry.candidate.foot, name) for name in _FOOT]
-            + [walk.outcome.value, walk.reason, *(getattr(walk, name) for name in _WALK)]
+            + [walk.outcome.value, walk.reason, int(walk.steps)]
+            + [float(getattr(walk, name)) for name in _WALK[1:]]
             + [predicted.get(name) for name in _PREDICTED]
-            + [entry.seconds, datetime.now(UTC).isoformat(timespec="milliseconds")]
+            + [float(entry.seconds), datetime.now(UTC).isoformat(timespec="milliseconds")]
         )
-        with self._reporting(), self._connection:
+        with _reporting(self.path), self._connection:
             self._connection.execute(f"insert into walks values ({', '.join('?' * len(row))})", row)
 
     def walks(self) -> list[StudyWalk]:
         """All walks so far, in the order of their ids."""
-        with self._reporting():
+        with _reporting(self.path):
             rows = self._connection.execute(
                 f"select {', '.join(_NAMES)} from walks order by id"
             ).fetchall()
         return [_study_walk(dict(zip(_NAMES, row, strict=True))) for row in rows]
 
-    def _reporting(self) -> "_Reporting":
-        return _Reporting(self.path)
 
-
-class _Reporting:
+@contextmanager
+def _reporting(path: Path) -> Iterator[None]:
     """Turns what SQLite says into one line for the user."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        if isinstance(error, sqlite3.DatabaseError):
+    try:
+        yield
+    except sqlite3.DatabaseError as error:
+        if error.sqlite_errorcode & 0xFF in _NO_STUDY:
             raise StudyError(
-                f"study file {self._path}: {error}; what it holds is unharmed if it is a study "
-                "file: free space, or permit reading and writing, and run the command again"
+                f"{path} is no study, or is damaged ({error}); put back a copy, or give --out for "
+                "another folder"
             ) from None
+        raise StudyError(
+            f"study file {path}: {error}; what it holds is safe: free space, or permit reading and "
+            "writing, and run the command again"
+        ) from None
+
+
+# What SQLite reports of a file that is no database, of a broken one, and of one without our tables.
+_NO_STUDY = (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_ERROR)
 
 
 def _connect(path: Path, mode: str) -> sqlite3.Connection:
+    with _reporting(path):
+        connection = sqlite3.connect(f"{path.resolve().as_uri()}?mode={mode}", uri=True)
+        connection.execute("pragma synchronous = normal")
+    return connection
+
+
+def _write_empty(path: Path, description: Mapping[str, Any]) -> None:
+    """Write a study without walks; it has its name only when it is complete."""
+    beginning = path.with_suffix(".new")
     try:
-        return sqlite3.connect(f"{path.resolve().as_uri()}?mode={mode}", uri=True)
-    except sqlite3.Error as error:
-        raise StudyError(f"cannot open study file {path}: {error}") from None
+        beginning.unlink(missing_ok=True)
+        with _reporting(path), closing(_connect(beginning, "rwc")) as connection:
+            connection.execute("pragma journal_mode = wal")
+            with connection:
+                connection.execute("create table study (key text primary key, value text)")
+                connection.execute(f"create table walks ({', '.join(_COLUMNS)})")
+                rows = {"schema": SCHEMA, **description}
+                connection.executemany(
+                    "insert into study values (?, ?)",
+                    [(key, json.dumps(value)) for key, value in rows.items()],
+                )
+        beginning.replace(path)
+    except OSError as error:
+        raise StudyError(f"cannot write {path}: {error.strerror}") from None
 
 
 def _driver_lock(path: Path) -> IO[str]:
