@@ -34,6 +34,11 @@ class Observer:
         self._robot = robot
         self._commands = commands
         plant = robot.plant
+        # A copy to read from: the caches of the simulated context lag behind its state by up to a
+        # step of CENIC's, and reading must not change what is simulated.
+        self._context = robot.diagram.CreateDefaultContext()
+        self._plant_context = plant.GetMyMutableContextFromRoot(self._context)
+        robot.gait.set_commands(robot.gait.GetMyMutableContextFromRoot(self._context), commands)
         self._torso = plant.GetBodyByName("torso")
         self._ankles = [plant.GetBodyByName(f"ankle_{side}") for side in _SIDES]
         joints = [plant.GetJointByName(name) for name in JOINTS]
@@ -64,7 +69,7 @@ class Observer:
 
     def monitor(self, context: Context) -> EventStatus:
         """Sum work, slip and peaks over one step of the integrator (trapezoidal rule)."""
-        plant_context = self._robot.plant.GetMyContextFromRoot(context)
+        plant_context = self._copy(context)
         controller, speeds, torques = self._servos(plant_context)
         power = torques * speeds
         sliding = self._sliding_speeds(plant_context)
@@ -83,8 +88,7 @@ class Observer:
 
     def record(self, context: Context) -> None:
         """Take one frame from the diagram's context."""
-        plant = self._robot.plant
-        plant_context = plant.GetMyContextFromRoot(context)
+        plant, plant_context = self._robot.plant, self._copy(context)
         positions = plant.GetPositions(plant_context)
         _, speeds, torques = self._servos(plant_context)
         X_WT = plant.EvalBodyPoseInWorld(plant_context, self._torso)
@@ -144,6 +148,14 @@ class Observer:
             yaw_swing=float(np.ptp(history.torso[:, 5])),
             torso_tilt=float(tilt.max()),
         )
+
+    def _copy(self, context: Context) -> Context:
+        """The plant's context to read from, at the time and state of the simulated one."""
+        plant = self._robot.plant
+        state = plant.GetPositionsAndVelocities(plant.GetMyContextFromRoot(context))
+        self._context.SetTime(context.get_time())
+        plant.SetPositionsAndVelocities(self._plant_context, state)
+        return self._plant_context
 
     def _servos(self, plant_context: Context) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Controllers' torques [N·m], speeds [rad/s] and torques on the joints, (10,) each."""

@@ -60,14 +60,33 @@ def simulate(
     Raises:
         ModelError: the robot description cannot be used.
     """
-    settings = settings or WalkSettings()
-    robot = _robot(settings.model, candidate.foot.big_toe_width, settings.servo)
+    return follow(candidate.gait.commands, candidate.foot, settings, history=history)
+
+
+def follow(
+    commands: FloatArray,
+    foot: FootDesign | None = None,
+    settings: WalkSettings | None = None,
+    *,
+    history: bool = False,
+) -> Walk:
+    """Let the servos follow any joint commands from a standing start, for 4.8 s.
+
+    Args:
+        commands: Joint angles [rad], shape (241, 10), columns as gait.JOINTS, one row a frame.
+        foot: The toes; the paper's by default.
+        settings: How to simulate; by default the shipped robot at search fidelity.
+        history: Whether to record time histories at the control frames, and measures.
+
+    Raises:
+        ModelError: the robot description cannot be used.
+    """
+    foot, settings = foot or FootDesign(), settings or WalkSettings()
+    robot = _robot(settings.model, foot.big_toe_width, settings.servo)
     context = robot.diagram.CreateDefaultContext()
     plant_context = robot.plant.GetMyMutableContextFromRoot(context)
-    robot.set_foot(plant_context, candidate.foot)
-    standing = _standing(settings.model, candidate.foot, settings.servo)
-    robot.plant.SetPositions(plant_context, standing)
-    commands = candidate.gait.commands
+    robot.set_foot(plant_context, foot)
+    robot.plant.SetPositions(plant_context, _standing(settings.model, foot, settings.servo))
     robot.gait.set_commands(robot.gait.GetMyMutableContextFromRoot(context), commands)
     observer = Observer(robot, commands) if history else None
     return _advance(robot, context, settings, observer)
@@ -106,11 +125,15 @@ def _advance(
 ) -> Walk:
     """Step through the frames until the end, a fall or a failure."""
     plant = robot.plant
-    plant_context = plant.GetMyContextFromRoot(context)
+    # CENIC's fixed steps leave the caches of its context behind its state, by up to a step: what
+    # a walk did is read from a context of its own.
+    posture = plant.CreateDefaultContext()
+    plant.SetPositions(posture, plant.GetPositions(plant.GetMyContextFromRoot(context)))
     torso = plant.GetBodyByName("torso")
-    com_start = plant.CalcCenterOfMassPositionInWorld(plant_context)
-    fall_height = FALL_HEIGHT * plant.EvalBodyPoseInWorld(plant_context, torso).translation()[2]
-    headings = [_heading(plant.EvalBodyPoseInWorld(plant_context, torso))]
+    com_start = plant.CalcCenterOfMassPositionInWorld(posture)
+    X_WT = plant.EvalBodyPoseInWorld(posture, torso)
+    fall_height = FALL_HEIGHT * X_WT.translation()[2]
+    headings = [_heading(X_WT)]
     deadline = time.monotonic() + settings.time_limit
     outcome, reason, steps = Outcome.WALKED, "", FRAMES
     simulator = _simulator(robot, context, settings.fidelity)
@@ -125,7 +148,8 @@ def _advance(
             return Walk.diverged(f"solver: {str(error).splitlines()[0]}", steps=frame - 1)
         if observer:
             observer.record(context)
-        X_WT = plant.EvalBodyPoseInWorld(plant_context, torso)
+        plant.SetPositions(posture, plant.GetPositions(plant.GetMyContextFromRoot(context)))
+        X_WT = plant.EvalBodyPoseInWorld(posture, torso)
         headings.append(_heading(X_WT))
         if _has_fallen(X_WT, fall_height):
             outcome, steps = Outcome.FELL, frame - 1
@@ -133,7 +157,7 @@ def _advance(
             break
         if time.monotonic() > deadline:
             return Walk.diverged(f"took longer than {settings.time_limit:g} s", steps=frame)
-    com_end = plant.CalcCenterOfMassPositionInWorld(plant_context)
+    com_end = plant.CalcCenterOfMassPositionInWorld(posture)
     if not np.isfinite(com_end).all():
         return Walk.diverged("the state is not finite", steps=steps)
     return Walk(

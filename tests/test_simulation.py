@@ -1,0 +1,173 @@
+"""One walk: repeatable, honest about falls and failures, and complete in what it records."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+
+from drake_gait import Candidate, FootDesign, Gait, Outcome, WalkSettings, simulate
+from drake_gait.errors import ModelError, SettingsError
+from drake_gait.gait import FRAMES, STANDING
+from drake_gait.settings import default_study, read_study
+from drake_gait.simulation import follow
+from drake_gait.walk import Walk
+
+WALKING = Candidate(gait=read_study(default_study()).space.decode(np.zeros(16)).gait)
+# Bends the standing leg under the body.
+FALLING = Candidate(gait=Gait.from_degrees([[15, 0, 0, 0], [40, 0, 0, 0], [0] * 4, [0] * 4]))
+
+NUMBERS = ("forward", "lateral", "yaw", "com_height", "steps")
+
+IN_A_FRESH_PROCESS = """
+import json, sys
+from drake_gait import Candidate, Gait, simulate
+walk = simulate(Candidate(gait=Gait(coefficients=json.loads(sys.argv[1]))))
+print(json.dumps([getattr(walk, name) for name in json.loads(sys.argv[2])]))
+"""
+
+
+def numbers(walk: Walk) -> list[float]:
+    return [getattr(walk, name) for name in NUMBERS]
+
+
+def test_the_same_candidate_walks_the_same_after_any_other_walk_and_in_any_process() -> None:
+    first = simulate(WALKING)
+    simulate(FALLING)
+    simulate(Candidate(gait=WALKING.gait, foot=FootDesign(big_toe_stiffness=0.1)))
+    again = simulate(WALKING)
+    coefficients = json.dumps(WALKING.gait.coefficients.tolist())
+    elsewhere = subprocess.run(
+        [sys.executable, "-c", IN_A_FRESH_PROCESS, coefficients, json.dumps(NUMBERS)],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert numbers(again) == numbers(first)
+    assert json.loads(elsewhere.stdout) == numbers(first)
+
+
+def test_watching_a_walk_does_not_change_it() -> None:
+    assert numbers(simulate(WALKING, history=True)) == numbers(simulate(WALKING))
+
+
+def test_the_middle_of_the_default_box_walks_to_the_end() -> None:
+    walk = simulate(WALKING)
+    assert walk.outcome is Outcome.WALKED
+    assert walk.steps == FRAMES
+    assert walk.forward > 0.1
+    assert walk.reason == ""
+
+
+def test_a_fall_ends_the_walk_early_and_says_when() -> None:
+    walk = simulate(FALLING, history=True)
+    assert walk.outcome is Outcome.FELL
+    assert walk.steps < FRAMES
+    assert "fell at" in walk.reason
+    assert walk.history is not None
+    assert len(walk.history.time) == walk.steps + 2  # the first frame, and the one of the fall
+
+
+def test_a_history_has_one_row_a_frame_in_the_shapes_of_its_documentation() -> None:
+    history = simulate(WALKING, history=True).history
+    assert history is not None
+    shapes = {
+        "time": (),
+        "positions": (21,),
+        "com": (3,),
+        "torso": (6,),
+        "ankles": (2, 3),
+        "commands": (10,),
+        "angles": (10,),
+        "speeds": (10,),
+        "torques": (10,),
+        "toes": (4,),
+        "ground_reaction": (2, 3),
+        "sole_height": (2,),
+    }
+    for name, shape in shapes.items():
+        assert getattr(history, name).shape == (FRAMES + 1, *shape), name
+        assert np.isfinite(getattr(history, name)).all(), name
+    assert history.time == pytest.approx(np.arange(FRAMES + 1) * 0.02)
+    assert history.commands == pytest.approx(WALKING.gait.commands)
+
+
+def test_the_walks_numbers_are_the_first_and_last_frames_of_its_history() -> None:
+    walk = simulate(WALKING, history=True)
+    assert walk.history is not None
+    moved = walk.history.com[-1] - walk.history.com[0]
+    assert moved[:2] == pytest.approx([walk.forward, walk.lateral], abs=1e-12)
+    assert walk.history.com[-1, 2] == pytest.approx(walk.com_height, abs=1e-12)
+    turned = walk.history.torso[-1, 5] - walk.history.torso[0, 5]
+    assert turned == pytest.approx(walk.yaw, abs=1e-9)
+
+
+def test_a_walk_without_end_is_given_up_at_its_time_limit() -> None:
+    walk = simulate(WALKING, WalkSettings(time_limit=1e-9))
+    assert walk.outcome is Outcome.DIVERGED
+    assert "longer than" in walk.reason
+
+
+@pytest.mark.parametrize("failure", [RuntimeError("no convergence"), SystemExit("Failure at icf")])
+def test_a_solver_that_fails_is_an_outcome_with_its_reason(
+    monkeypatch: pytest.MonkeyPatch, failure: BaseException
+) -> None:
+    follow(STANDING.commands)  # What is cached is built before the solver breaks.
+    advance: Callable[[Simulator, float], object] = Simulator.AdvanceTo
+
+    def fail_after_a_second(simulator: Simulator, boundary_time: float) -> object:
+        if boundary_time > 1.0:
+            raise failure
+        return advance(simulator, boundary_time)
+
+    monkeypatch.setattr(Simulator, "AdvanceTo", fail_after_a_second)
+    walk = simulate(WALKING)
+    assert walk.outcome is Outcome.DIVERGED
+    assert str(failure) in walk.reason
+    assert walk.steps == 50
+
+
+def test_a_missing_robot_is_named_with_those_that_exist() -> None:
+    with pytest.raises(ModelError, match=r"no robot description 'khr4\.sdf'.*khr3hv\.sdf"):
+        simulate(WALKING, WalkSettings(model="khr4.sdf"))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ("</sdf>", "", "not a well-formed SDF"),
+        ('name="knee_r" type', 'name="elbow_r" type', "no joint 'knee_r'"),
+        ('name="big_toe_r"', 'name="thumb_r"', "no link 'big_toe_r'"),
+        ("spring_stiffness>", "spring_thickness>", "has no spring|not a robot"),
+        ("<mass>", "<mass>-", "not a robot that can be used|mass"),
+    ],
+)
+def test_a_broken_robot_is_refused_in_one_line(
+    tmp_path: Path, old: str, new: str, complaint: str
+) -> None:
+    from drake_gait.robot import model_path
+
+    text = model_path().read_text()
+    assert old in text
+    broken = tmp_path / "broken.sdf"
+    broken.write_text(text.replace(old, new))
+    with pytest.raises(ModelError, match=complaint) as refusal:
+        simulate(WALKING, WalkSettings(model=broken))
+    assert "\n" not in str(refusal.value)
+
+
+def test_another_foot_walks_another_walk() -> None:
+    usual = simulate(WALKING)
+    for change in ({"big_toe_width": 0.04}, {"lesser_toes_stiffness": 0.2}, {"toe_damping": 5e-3}):
+        other = simulate(replace(WALKING, foot=FootDesign(**change)))
+        assert other.forward != usual.forward
+
+
+def test_a_time_limit_must_be_positive() -> None:
+    with pytest.raises(SettingsError, match="time_limit"):
+        WalkSettings(time_limit=0.0)
