@@ -10,8 +10,8 @@ The optimiser of the paper's section IV.B (Eqs. 22-28), as a function and as ask
         optimiser.tell(cost(trials), violation(trials))   # shapes (n,) and (n, m)
     print(optimiser.best_x, optimiser.best_cost)
 
-The random numbers of a generation come from `default_rng([seed, generation])`, so the seed fixes
-the run and the small `state()` continues it exactly. docs/isade.md has the choice of every constant
+The random numbers of a generation have the address (seed, generation), so the seed fixes the run
+and the small `state()` continues it exactly. docs/isade.md has the choice of every constant
 and the comparison of both variants with other optimisers.
 """
 
@@ -41,9 +41,19 @@ SCHEMES = np.array(
         (1, 0, 1, 3, 2),  # Eq. 22c, rand-to-best/1; r2 is always subtracted, for "history"
     ]
 ).T
-NEIGHBOURS = np.arange(1, 5)[:, None]
+NEXT_SEATS = np.arange(1, 5)[:, None]
 CROSSOVER_RATES = (0.05, 0.5, 0.95)  # Cr_min, Cr_medium, Cr_max
 REDRAW_PROBABILITY = 0.1  # tau
+JUMP = 0x9E3779B97F4A7C15F39CC0605CEDC835  # as PCG64.jumped, which takes ten times as long
+UNSAVED = (
+    "_bits",
+    "_bits_start",
+    "_rng",
+    "_trials",
+    "_trial_scale",
+    "_trial_rates",
+    "_trial_turned",
+)
 DECIMALS = 9  # of F: exp and power differ in their last bit from machine to machine
 
 EPSILON_QUANTILE = 0.2  # of the first violations: the level at the start
@@ -51,9 +61,10 @@ EPSILON_UNTIL = 0.3  # of the generations: the level is zero from here on
 EPSILON_POWER = 5.0
 
 MEMORY_SIZE = 6  # "history" only, from here on
-ELITE = 0.11  # part of the population that takes the place of the best
+ELITE_RANGE = (0.2, 0.05)  # part of the population in the place of the best, first to last
 SPREAD = 0.1  # of F and Cr about what the memory holds
-TURNED = 0.5  # part of the trials crossed along the population's principal axes
+TURNED_RANGE = (0.1, 0.9)  # part of the trials crossed along the population's principal axes
+AXES_AGE = 10  # generations until the principal axes are found anew
 
 
 # --- the equations -------------------------------------------------------------------------------
@@ -100,7 +111,10 @@ def donors(
     cast[0], cast[1:] = best, others
     chosen = cast[SCHEMES.take(scheme, axis=1), np.arange(n)]
     origin, plus_1, minus_1, plus_2, minus_2 = x.take(chosen, axis=0)
-    donor: Array = origin + scale[:, None] * ((plus_1 - minus_1) + (plus_2 - minus_2))  # Eq. 22
+    step = plus_1 - minus_1
+    step += plus_2 - minus_2
+    step *= scale[:, None]
+    donor: Array = origin + step  # Eq. 22
     return donor
 
 
@@ -118,17 +132,15 @@ def next_rates(rates: Array, redraw: Array, draw: Array) -> Array:
     return np.where(redraw < REDRAW_PROBABILITY, drawn, rates)  # Eq. 27
 
 
-def addressed_rng(seed: int, generation: int) -> np.random.Generator:
-    """The random numbers of one generation of one run."""
-    return np.random.Generator(np.random.SFC64([seed, generation]))  # the quickest to seed
+def neighbours(draw: Array) -> NDArray[np.intp]:
+    """For each of n individuals four different others, any four alike, shape (4, n).
 
-
-def draw_others(size: int, rng: np.random.Generator) -> NDArray[np.intp]:
-    """For each of `size` individuals four different others, any four alike, shape (4, size)."""
-    # Everybody takes a random seat in a ring and is given the four neighbours on one side.
-    seat = rng.permutation(size)
-    seated = seat.argsort()
-    others: NDArray[np.intp] = seated.take(seat + NEIGHBOURS, mode="wrap")
+    Args:
+        draw: A uniform draw for each, shape (n,): their order around a ring.
+    """
+    seated = draw.argsort()
+    seat = seated.argsort()
+    others: NDArray[np.intp] = seated.take(seat + NEXT_SEATS, mode="wrap")
     return others
 
 
@@ -147,7 +159,7 @@ class Isade:
             epsilon has long been zero, and the population of "history" has shrunk to 5.
         integrality: Which variables are whole numbers, shape (d,).
         variant: "paper", or "history": F and Cr drawn about those that lately succeeded, any of
-            the best 11 percent in the place of the best, differences with points given up before,
+            the best 20 to 5 percent in the place of the best, differences with points given up before,
             a shrinking population, and half of the crossovers along principal axes.
         handling: How constraints count. "feasibility": a feasible point beats an infeasible one, a
             smaller violation a larger one, and between equals the cost decides. "epsilon": the
@@ -194,10 +206,12 @@ class Isade:
         lower, upper = self.bounds.T
         self._lower = np.where(self.integrality, np.ceil(lower) - 0.5, lower)
         self._upper = np.where(self.integrality, np.floor(upper) + 0.5, upper)
-        rng = addressed_rng(self.seed, 0)
+        self._bits = np.random.PCG64(self.seed)
+        self._bits_start = self._bits.state
+        self._rng = np.random.Generator(self._bits)
         n, d = self.population_size, len(self.bounds)
-        self._x = rng.uniform(self._lower, self._upper, (n, d))
-        self._rates = next_rates(np.empty(n), np.zeros(n), rng.random(n))
+        self._x = self._rng.uniform(self._lower, self._upper, (n, d))
+        self._rates = next_rates(np.empty(n), np.zeros(n), self._rng.random(n))
         self._place(initial)
         self.generation = 0
         self.best_x, self.best_cost, self.best_violation = np.full(d, np.nan), np.inf, np.empty(0)
@@ -206,9 +220,10 @@ class Isade:
         self._unit = np.empty(0)
         self._first_level = 0.0
         self._archive = np.empty((0, d))
-        self._memory = np.full((2, MEMORY_SIZE), 0.5)
+        self._memory = np.full((3, MEMORY_SIZE), 0.5)
         self._trials: Array | None = None
-        self._trial_rates = self._trial_scale = np.empty(0)
+        self._axes = np.eye(d)
+        self._trial_rates = self._trial_scale = self._trial_turned = np.empty(0)
 
     @property
     def population(self) -> Array:
@@ -278,8 +293,9 @@ class Isade:
 
         Trials that were asked and not told are left out: `ask` gives them again.
         """
-        kept = vars(self).keys() - {"_trials", "_trial_scale", "_trial_rates"}
-        return {name: np.copy(getattr(self, name))[()] for name in sorted(kept)}
+        return {
+            name: np.copy(value)[()] for name, value in vars(self).items() if name not in UNSAVED
+        }
 
     @classmethod
     def from_state(cls, state: Mapping[str, Any]) -> Self:
@@ -288,21 +304,22 @@ class Isade:
         Raises:
             SettingsError: The entries are not those of `state`.
         """
-        self = cls([(0.0, 1.0)])
+        self = cls([(0.0, 1.0)], seed=int(state.get("seed", 0)))
         if wrong := sorted(self.state().keys() ^ state.keys()):
             raise SettingsError(f"not what state() returned; look at {', '.join(wrong)}")
         for name, value in state.items():
-            setattr(self, name, np.copy(value)[()])
+            array = np.array(value)
+            setattr(self, name, array if array.ndim else array.item())
         return self
 
     def _next_trials(self) -> Array:
-        rng = addressed_rng(self.seed, self.generation)
+        rng = self._addressed_rng()
         x, (n, d) = self._x, self._x.shape
         cost, excess = self._merit(self._costs, self._excess)
         order = np.lexsort((cost, excess))
-        uniform = rng.random((n, d + 4))
-        scheme, forced, redraw, draw = uniform[:, d:].T
-        others = draw_others(n, rng)
+        uniform = rng.random((n, d + 5))
+        scheme, forced, redraw, draw, seat = uniform[:, d:].T
+        others = neighbours(seat)
         points, best = x, order[0]
         if self.variant == "paper":
             scale = np.empty(n)
@@ -310,7 +327,9 @@ class Isade:
             scale[order] = (rank_scale(n) + shared) / 2.0  # Eq. 26
             rates = next_rates(self._rates, redraw, draw)
         else:
-            elite = max(round(ELITE * n), 2)
+            first, last = ELITE_RANGE
+            progress = min(self.generation / self.max_generations, 1.0)
+            elite = max(round((first + (last - first) * progress) * n), 2)
             best = order[rng.integers(elite, size=n)]
             points = np.concatenate((x, self._archive))
             stored = rng.integers(len(points), size=n)
@@ -322,22 +341,35 @@ class Isade:
         donor = donors(points, best, others, (3.0 * scheme).astype(np.intp), scale)
         crossed = uniform[:, :d] < rates[:, None]
         crossed[np.arange(n), (d * forced).astype(np.intp)] = True
-        trials = np.where(crossed, donor, x)
+        trials = x.copy()
+        np.copyto(trials, donor, where=crossed)
         if self.variant == "history":
-            turned, width = draw < TURNED, self._upper - self._lower
-            axes = principal_axes(x[order[: n // 2]] / width)
-            step = (donor - x)[turned] / width @ axes * crossed[turned]
-            trials[turned] = x[turned] + step @ axes.T * width
+            width = self._upper - self._lower
+            if self.generation % AXES_AGE == 1:
+                self._axes = principal_axes(x[order[: n // 2]] / width)
+            turned = draw < about[2]
+            step = (donor - x)[turned] / width @ self._axes * crossed[turned]
+            trials[turned] = x[turned] + step @ self._axes.T * width
+            self._trial_turned = turned
         nearest = np.minimum(np.maximum(trials, self._lower), self._upper)
         # What left the box comes to half-way between its parent and the bound.
-        return np.where(trials == nearest, trials, (nearest + x) / 2.0)
+        np.copyto(trials, (nearest + x) / 2.0, where=trials != nearest)
+        return trials
+
+    def _addressed_rng(self) -> np.random.Generator:
+        """The random numbers of this generation, at its own place in the seed's stream."""
+        self._bits.state = self._bits_start
+        self._bits.advance(self.generation * JUMP)
+        return self._rng
 
     def _remember(self, better: NDArray[np.bool_]) -> None:
         """Learn from the trials that beat their parents; archive those parents."""
         if better.any():
             good = np.stack((self._trial_scale, self._trial_rates))[:, better]
             # The contraharmonic mean leans to large values, lest F shrink too early.
-            self._memory[:, self.generation % MEMORY_SIZE] = (good**2).sum(1) / good.sum(1)
+            means = (good**2).sum(1) / good.sum(1)
+            turned = self._trial_turned[better].mean().clip(*TURNED_RANGE)
+            self._memory[:, self.generation % MEMORY_SIZE] = (*means, turned)
             self._archive = np.concatenate((self._archive, self._x[better]))
 
     def _shrink(self) -> None:

@@ -460,3 +460,24 @@ PROBLEMS: dict[str, Problem] = {
     )
 }
 """Every problem by name."""
+
+TUNING = (
+    "welded_beam",
+    "vessel_mixed",
+    "speed_reducer",
+    "himmelblau",
+    "g02",
+    "g05",
+    "g07",
+    "g09",
+    "g10",
+    "g11",
+    "g13",
+    "ellipsoid_rotated",
+    "rosenbrock",
+    "rastrigin_rotated",
+    "ackley",
+    "griewank_rotated",
+    "schwefel",
+)
+"""Problems that settings may be chosen on; the others confirm them."""
