@@ -128,4 +128,8 @@ def _row(lateral_mm: float, forward_mm: float, yaw_deg: float, steps: int) -> st
 def _by_output(values: Any) -> Mapping[str, float | None]:
     if values is None:
         return dict.fromkeys(OUTPUTS)
-    return {name: float(value) for name, value in zip(OUTPUTS, values, strict=True)}
+    # Of an output that does not vary nothing is explained, and JSON has no word for that number.
+    return {
+        name: float(value) if np.isfinite(value) else None
+        for name, value in zip(OUTPUTS, values, strict=True)
+    }

@@ -18,7 +18,8 @@ from drake_gait.gait import FloatArray
 from drake_gait.problem import Candidate, Constraints, DesignSpace, assess
 from drake_gait.settings import StudySettings
 from drake_gait.store import Study, StudyWalk
-from drake_gait.surrogate import OUTPUTS, Prediction, Surrogate
+from drake_gait.surrogate import FEWEST_SURVIVORS, OUTPUTS, Prediction, Surrogate
+from drake_gait.walk import Outcome
 from drake_gait.workers import Finished
 
 Evaluate = Callable[[Sequence[Candidate]], Iterable[Finished]]
@@ -75,7 +76,11 @@ def search(
     for iteration in range(1, run.iterations + 1):
         if run.has_converged(iteration):  # Step 6.
             break
-        if not run.is_complete(iteration):
+        if run.is_complete(iteration):
+            continue
+        if not run.can_learn(iteration):
+            run.simulate(further_samples(settings, iteration), "design", iteration)
+        else:
             network = run.learn(iteration)  # Step 3.
             trials = run.propose(network, iteration)  # Step 4.
             run.simulate(trials, "infill", iteration, network)  # Step 5.
@@ -83,11 +88,20 @@ def search(
 
 def design_of_experiments(settings: StudySettings) -> FloatArray:
     """A Latin hypercube in the box: design vectors, shape (samples, d)."""
-    rng = np.random.default_rng([settings.seed, _DESIGN])
-    unit = qmc.LatinHypercube(settings.space.dimension, rng=rng).random(settings.search.samples)
+    return _latin_hypercube(settings, settings.search.samples, _DESIGN)
+
+
+def further_samples(settings: StudySettings, iteration: int) -> FloatArray:
+    """Design vectors, shape (batch, d), for an iteration with too few survivors for a network."""
+    return _latin_hypercube(settings, settings.search.batch, _DESIGN, iteration)
+
+
+def _latin_hypercube(settings: StudySettings, count: int, *address: int) -> FloatArray:
+    rng = np.random.default_rng([settings.seed, *address])
+    unit = qmc.LatinHypercube(settings.space.dimension, rng=rng).random(count)
     lower, upper = settings.space.box.T
-    design: FloatArray = lower + (upper - lower) * unit
-    return design
+    samples: FloatArray = lower + (upper - lower) * unit
+    return samples
 
 
 def feasible_walks(walks: Iterable[StudyWalk], limits: Constraints) -> list[StudyWalk]:
@@ -121,6 +135,7 @@ class _Run:
         self._study, self._evaluate, self._report = study, evaluate, report
         self._walks = {walk.id: walk for walk in study.walks()}
         self._network: Surrogate | None = None
+        self._improvements: dict[int, bool] = {}
 
     @property
     def iterations(self) -> int:
@@ -132,17 +147,18 @@ class _Run:
         self, x: FloatArray, stage: str, iteration: int, network: Surrogate | None = None
     ) -> None:
         """Simulate those of an iteration's design vectors, shape (n, d), not simulated yet."""
-        first = self._ids(iteration).start
-        missing = [index for index in range(len(x)) if first + index not in self._walks]
+        ids = self._ids(iteration)
+        missing = [index for index, number in enumerate(ids) if number not in self._walks]
         candidates = [self._space.decode(x[index]) for index in missing]
-        expected = network.predict(x[missing]) if network and missing else None
+        # Of all: the last digits of a prediction depend on how many are made together.
+        expected = network.predict(x) if network else None
         for finished in self._evaluate(candidates) if candidates else ():
-            place = finished.index
+            place = missing[finished.index]
             walk = StudyWalk(
-                id=first + missing[place],
+                id=ids[place],
                 stage=stage,
                 iteration=iteration,
-                candidate=candidates[place],
+                candidate=candidates[finished.index],
                 walk=finished.walk,
                 predicted=_expected(expected, place) if expected else None,
                 seconds=finished.seconds,
@@ -154,6 +170,11 @@ class _Run:
     def is_complete(self, iteration: int) -> bool:
         """Whether every walk of an iteration is known."""
         return all(number in self._walks for number in self._ids(iteration))
+
+    def can_learn(self, iteration: int) -> bool:
+        """Whether enough walks before an iteration survived for a network."""
+        survivors = sum(walk.walk.survived for walk in self._before(iteration))
+        return survivors >= FEWEST_SURVIVORS
 
     def learn(self, iteration: int) -> Surrogate:
         """The network of an iteration, from all walks before it."""
@@ -212,9 +233,11 @@ class _Run:
 
     def _improved(self, iteration: int) -> bool:
         """Whether an iteration's walks beat all before them."""
-        ids = self._ids(iteration)
-        best = best_walk([self._walks[number] for number in range(ids.stop)], self._limits)
-        return best.id in ids
+        if iteration not in self._improvements:
+            ids = self._ids(iteration)
+            best = best_walk([self._walks[number] for number in range(ids.stop)], self._limits)
+            self._improvements[iteration] = best.id in ids
+        return self._improvements[iteration]
 
     def _radius(self, iteration: int) -> float:
         """Half width of the trust region: it grows with every success, and shrinks without."""
@@ -238,11 +261,21 @@ class _Run:
 
 
 def best_walk(walks: Sequence[StudyWalk], limits: Constraints) -> StudyWalk:
-    """The furthest feasible walk, or, where none is feasible, the one nearest to it."""
+    """The furthest feasible walk, or, where none is feasible, the one nearest to it.
+
+    A walk on its feet is nearer than a fall, and a fall nearer than what could not be simulated,
+    whose numbers mean nothing.
+    """
     feasible = feasible_walks(walks, limits)
     if feasible:
         return feasible[0]
-    return min(walks, key=lambda walk: (assess(walk.walk, limits).violations.sum(), walk.id))
+    order = list(Outcome)
+
+    def distance(walk: StudyWalk) -> tuple[int, float, int]:
+        violation = float(assess(walk.walk, limits).violations.sum())
+        return order.index(walk.walk.outcome), violation, walk.id
+
+    return min(walks, key=distance)
 
 
 class _Acquisition:

@@ -55,7 +55,7 @@ class StudyWalk:
     stage: str
     """What it was simulated for: "design" (of experiments) or "infill"."""
     iteration: int
-    """0 for the design of experiments, then the number of the network that proposed it."""
+    """0 for the design of experiments, then the number of the batch after it."""
     candidate: Candidate
     """What walked."""
     walk: Walk

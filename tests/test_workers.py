@@ -1,0 +1,251 @@
+"""Where walks run, with stand-ins for the walk that fail as a simulation can."""
+
+import ctypes
+import dataclasses
+import functools
+import multiprocessing
+import os
+import pickle
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drake_gait.errors import GaitError, ModelError, SettingsError
+from drake_gait.gait import Gait
+from drake_gait.problem import Candidate
+from drake_gait.walk import Outcome, Walk
+from drake_gait.workers import LocalProcesses, Serial
+
+
+def candidates(count):
+    """Gaits that differ in their first coefficient: 0, 0.01, 0.02 ..."""
+    values = np.zeros((count, 4, 4))
+    values[:, 0, 0] = 0.01 * np.arange(count)
+    return [Candidate(gait=Gait(coefficients=value)) for value in values]
+
+
+def number_of(candidate):
+    return round(candidate.gait.coefficients[0, 0] / 0.01)
+
+
+# Stand-ins for the simulation; a worker imports them by their names.
+
+
+def stride(candidate):
+    """A walk with the candidate's number in it, computed with more digits than a text keeps."""
+    forward = float(np.sin(candidate.gait.coefficients[0, 0] + 1.0) / 3.0)
+    return Walk(
+        outcome=Outcome.WALKED,
+        steps=240,
+        forward=forward,
+        lateral=float(number_of(candidate)),
+        yaw=0.0,
+        com_height=0.245,
+    )
+
+
+def stride_or(failure, bad, candidate):
+    if number_of(candidate) in bad:
+        failure()
+    return stride(candidate)
+
+
+def abort():
+    os.abort()
+
+
+def segfault():
+    ctypes.string_at(0)
+
+
+def leave():
+    os._exit(3)
+
+
+def hang():
+    time.sleep(1000)
+
+
+def hang_and_compute():
+    while True:
+        pass
+
+
+def pause(candidate):
+    time.sleep(0.2)
+    return stride(candidate)
+
+
+def refuse():
+    raise ModelError("no joint 'hip' in made_up.sdf")
+
+
+def err():
+    raise ZeroDivisionError("a bug")
+
+
+def process_id(candidate):
+    return dataclasses.replace(stride(candidate), reason=str(os.getpid()))
+
+
+def threads_per_walk(candidate):
+    return dataclasses.replace(stride(candidate), reason=os.environ["OMP_NUM_THREADS"])
+
+
+def run(walk, count, *, workers=2, time_limit=30.0):
+    """Walks in the order of the candidates."""
+    with LocalProcesses(walk, count=workers, time_limit=time_limit) as processes:
+        finished = list(processes.run(candidates(count)))
+    assert sorted(one.index for one in finished) == list(range(count))
+    return [one.walk for one in sorted(finished, key=lambda one: one.index)]
+
+
+@pytest.fixture(scope="module")
+def expected():
+    return [one.walk for one in Serial(stride).run(candidates(20))]
+
+
+def numbers(walks):
+    return [dataclasses.astuple(walk) for walk in walks]
+
+
+def test_one_process_walks_the_candidates_in_order(expected):
+    finished = list(Serial(stride).run(candidates(5)))
+    assert [one.index for one in finished] == [0, 1, 2, 3, 4]
+    assert [walk.lateral for walk in expected[:5]] == [0.0, 1.0, 2.0, 3.0, 4.0]
+    assert all(one.seconds >= 0.0 for one in finished)
+
+
+@pytest.mark.parametrize("workers", [1, 2, 3])
+def test_any_number_of_processes_walks_as_one_does(expected, workers):
+    assert numbers(run(stride, 20, workers=workers)) == numbers(expected)
+
+
+def test_several_batches_run_in_the_same_processes():
+    with LocalProcesses(process_id, count=2, time_limit=30.0) as processes:
+        batches = [list(processes.run(candidates(8))) for _ in range(3)]
+    used = {one.walk.reason for batch in batches for one in batch}
+    assert 1 <= len(used) <= 2
+    assert str(os.getpid()) not in used
+
+
+def test_no_candidates_are_no_walks():
+    with LocalProcesses(stride, count=1) as processes:
+        assert list(processes.run([])) == []
+    assert list(Serial(stride).run([])) == []
+
+
+def test_a_worker_walks_with_one_thread():
+    assert run(threads_per_walk, 1, workers=1)[0].reason == "1"
+
+
+@pytest.mark.parametrize(
+    ("failure", "reason"),
+    [
+        (abort, "died with exit code -6"),
+        (segfault, "died with exit code -11"),
+        (leave, "died with exit code 3"),
+    ],
+)
+def test_a_candidate_that_kills_its_process_has_diverged_and_all_others_finish(
+    expected, failure, reason
+):
+    walks = run(functools.partial(stride_or, failure, (2, 5)), 8)
+    for number in (2, 5):
+        assert walks[number].outcome is Outcome.DIVERGED
+        assert walks[number].steps == 0
+        assert reason in walks[number].reason
+    others = [number for number in range(8) if number not in (2, 5)]
+    assert numbers(walks[number] for number in others) == numbers(
+        expected[number] for number in others
+    )
+
+
+@pytest.mark.parametrize("failure", [hang, hang_and_compute])
+def test_a_candidate_that_never_ends_has_diverged_and_all_others_finish(expected, failure):
+    walks = run(functools.partial(stride_or, failure, (0,)), 6, time_limit=3.0)
+    assert walks[0].outcome is Outcome.DIVERGED
+    assert "3 s" in walks[0].reason
+    assert numbers(walks[1:]) == numbers(expected[1:6])
+
+
+def test_processes_that_all_die_are_so_many_walks_that_diverged():
+    walks = run(functools.partial(stride_or, leave, range(6)), 6)
+    assert [walk.outcome for walk in walks] == [Outcome.DIVERGED] * 6
+
+
+@pytest.mark.parametrize(("failure", "error"), [(refuse, ModelError), (err, ZeroDivisionError)])
+def test_an_error_in_a_worker_reaches_the_driver_with_its_text(failure, error):
+    text = "no joint 'hip'" if error is ModelError else "a bug"
+    with pytest.raises(error, match=text):
+        run(functools.partial(stride_or, failure, (1,)), 4)
+    with pytest.raises(error, match=text):
+        list(Serial(functools.partial(stride_or, failure, (1,))).run(candidates(4)))
+
+
+def test_an_error_in_the_driver_ends_workers_in_the_midst_of_a_walk():
+    def drive():
+        walk = functools.partial(stride_or, hang, (0,))
+        with LocalProcesses(walk, count=1, time_limit=2000.0) as processes:
+            assert next(processes.run(candidates(2)[::-1])).walk.lateral == 1.0
+            raise RuntimeError("mishap")
+
+    with pytest.raises(RuntimeError, match="mishap"):
+        drive()
+    assert multiprocessing.active_children() == []
+
+
+DRIVER = """
+import multiprocessing, sys
+sys.path.insert(0, sys.argv[1])
+import test_workers
+from drake_gait.workers import LocalProcesses
+
+if __name__ == "__main__":
+    with LocalProcesses(test_workers.pause, count=2) as processes:
+        for _ in processes.run(test_workers.candidates(200)):
+            print(*(child.pid for child in multiprocessing.active_children()), flush=True)
+"""
+
+
+def test_workers_end_when_their_driver_is_killed(tmp_path):
+    script = tmp_path / "driver.py"
+    script.write_text(DRIVER)
+    here = Path(__file__).parent
+    driver = subprocess.Popen(
+        [sys.executable, script, here],
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(here.parent)},
+    )
+    workers = {int(number) for number in driver.stdout.readline().split()}
+    driver.kill()
+    driver.communicate()
+    assert workers
+    for _ in range(300):
+        if not any(is_running(worker) for worker in workers):
+            break
+        time.sleep(0.1)
+    assert not any(is_running(worker) for worker in workers)
+
+
+def is_running(process):
+    state = Path(f"/proc/{process}/stat")
+    return state.exists() and state.read_text().rpartition(")")[2].split()[0] != "Z"
+
+
+@pytest.mark.parametrize("count", [0, -1])
+def test_no_workers_are_refused(count):
+    with pytest.raises(SettingsError, match=rf"workers must be >= 1, got {count}"):
+        LocalProcesses(stride, count=count)
+
+
+@pytest.mark.parametrize("error", GaitError.__subclasses__())
+def test_every_error_of_the_library_survives_the_way_from_another_process(error):
+    again = pickle.loads(pickle.dumps(error("what was wanted, what came")))
+    assert type(again) is error
+    assert str(again) == "what was wanted, what came"
