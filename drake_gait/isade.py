@@ -33,7 +33,7 @@ LEAST_SIZE = 5  # four different others for each individual
 
 RANK_STEEPNESS = 10.0  # alpha
 SCALE_RANGE = (0.15, 1.55)  # F_min, F_max
-EXPONENT_RANGE = (0.2, 6.0)  # n_min, n_max
+EXPONENT_RANGE = (0.2, 5.0)  # n_min, n_max
 SCHEMES = np.array(
     [  # of best, r1, r2, r3, r4: origin + F (second - third) + F (fourth - fifth)
         (0, 1, 2, 3, 3),  # Eq. 22a, best/1
@@ -45,15 +45,7 @@ NEXT_SEATS = np.arange(1, 5)[:, None]
 CROSSOVER_RATES = (0.05, 0.5, 0.95)  # Cr_min, Cr_medium, Cr_max
 REDRAW_PROBABILITY = 0.1  # tau
 JUMP = 0x9E3779B97F4A7C15F39CC0605CEDC835  # as PCG64.jumped, which takes ten times as long
-UNSAVED = (
-    "_bits",
-    "_bits_start",
-    "_rng",
-    "_trials",
-    "_trial_scale",
-    "_trial_rates",
-    "_trial_turned",
-)
+UNSAVED = ("_bits", "_rng", "_trial")  # beginnings of names: made anew from the rest
 DECIMALS = 9  # of F: exp and power differ in their last bit from machine to machine
 
 EPSILON_QUANTILE = 0.2  # of the first violations: the level at the start
@@ -61,7 +53,7 @@ EPSILON_UNTIL = 0.3  # of the generations: the level is zero from here on
 EPSILON_POWER = 5.0
 
 MEMORY_SIZE = 6  # "history" only, from here on
-ELITE_RANGE = (0.2, 0.05)  # part of the population in the place of the best, first to last
+ELITE = 0.11  # part of the population that takes the place of the best
 SPREAD = 0.1  # of F and Cr about what the memory holds
 TURNED_RANGE = (0.1, 0.9)  # part of the trials crossed along the population's principal axes
 AXES_AGE = 10  # generations until the principal axes are found anew
@@ -159,12 +151,13 @@ class Isade:
             epsilon has long been zero, and the population of "history" has shrunk to 5.
         integrality: Which variables are whole numbers, shape (d,).
         variant: "paper", or "history": F and Cr drawn about those that lately succeeded, any of
-            the best 20 to 5 percent in the place of the best, differences with points given up before,
-            a shrinking population, and half of the crossovers along principal axes.
+            the best 11 percent in the place of the best, differences with parents that lost their
+            place, a shrinking population, and crossover along principal axes as far as it pays.
         handling: How constraints count. "feasibility": a feasible point beats an infeasible one, a
             smaller violation a larger one, and between equals the cost decides. "epsilon": the
-            same, but if none of the first points is feasible, a violation below a level that
-            shrinks to zero counts as none. "penalty": cost + penalty x sum of violations (Eq. 10).
+            same, but if no first point meets some constraint, as with an equality, violations
+            below a level that shrinks to zero count as none. "penalty": cost + penalty x sum of
+            violations, the paper's form.
         penalty: The weight gamma of "penalty".
         initial: Points that open the first population, shape (k, d) with k <= n.
 
@@ -294,7 +287,9 @@ class Isade:
         Trials that were asked and not told are left out: `ask` gives them again.
         """
         return {
-            name: np.copy(value)[()] for name, value in vars(self).items() if name not in UNSAVED
+            name: np.copy(value)[()]
+            for name, value in vars(self).items()
+            if not name.startswith(UNSAVED)
         }
 
     @classmethod
@@ -327,9 +322,7 @@ class Isade:
             scale[order] = (rank_scale(n) + shared) / 2.0  # Eq. 26
             rates = next_rates(self._rates, redraw, draw)
         else:
-            first, last = ELITE_RANGE
-            progress = min(self.generation / self.max_generations, 1.0)
-            elite = max(round((first + (last - first) * progress) * n), 2)
+            elite = max(round(ELITE * n), 2)
             best = order[rng.integers(elite, size=n)]
             points = np.concatenate((x, self._archive))
             stored = rng.integers(len(points), size=n)
@@ -391,7 +384,7 @@ class Isade:
     def _merit(self, costs: Array, excess: Array) -> tuple[Array, Array]:
         """What selection compares, the excess before the cost; both of shape (n,)."""
         if self.handling == "penalty":
-            return costs + self.penalty * excess, np.zeros(len(costs))  # Eq. 10
+            return costs + self.penalty * excess, np.zeros(len(costs))
         left = 1.0 - self.generation / (EPSILON_UNTIL * self.max_generations)
         if self._first_level > 0.0 < left:
             level = self._first_level * left**EPSILON_POWER

@@ -65,8 +65,8 @@ def test_the_scale_falls_with_the_rank_as_a_sigmoid_about_the_middle():
 
 def test_the_mean_scale_falls_from_its_largest_to_its_smallest_value():
     assert mean_scale(0, 100) == 1.55
-    # Half-way n = (0.2 + 6) / 2 = 3.1, and 0.5 ** 3.1 = 0.11662912.
-    assert mean_scale(50, 100) == pytest.approx(0.15 + 1.4 * 0.11662912, abs=1e-8)
+    # Half-way n = (0.2 + 5) / 2 = 2.6, and 0.5 ** 2.6 = 0.16493849.
+    assert mean_scale(50, 100) == pytest.approx(0.15 + 1.4 * 0.16493849, abs=1e-8)
     assert mean_scale(100, 100) == 0.15
     assert mean_scale(250, 100) == 0.15
 
