@@ -78,8 +78,8 @@ class Ground:
 @pytest.fixture
 def quick(monkeypatch):
     """Smaller networks and shorter runs of ISADE: the laws here hold for any."""
-    monkeypatch.setattr(surrogate, "_EPOCHS", 40)
-    monkeypatch.setattr(search_module, "_ISADE_ITERATIONS", 15)
+    monkeypatch.setattr(surrogate, "_EPOCHS", 20)
+    monkeypatch.setattr(search_module, "_ISADE_ITERATIONS", 8)
 
 
 @pytest.fixture
@@ -175,7 +175,7 @@ def test_walks_that_finish_in_another_order_give_the_same_study(quick, study, tm
         assert numbers(run(study, tmp_path / f"{seed}.db", ground)) == expected
 
 
-@pytest.mark.parametrize("walks", [0, 1, 17, 39, 40, 41, 44, 45, 52, 54])
+@pytest.mark.parametrize("walks", [0, 1, 39, 40, 43, 45, 54])
 def test_an_interrupted_study_that_goes_on_is_the_same_walk_for_walk(quick, study, tmp_path, walks):
     expected = numbers(run(study, tmp_path / "whole.db"))
     path = tmp_path / "parted.db"
