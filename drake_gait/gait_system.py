@@ -8,22 +8,17 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from drake_gait.gait import FRAME_TIME, FRAMES, JOINTS, FloatArray
 
-# Times that mean a frame's instant miss it by rounding, not by more than this part of a frame.
-_FRAME_ROUNDING = 1e-9
-
 
 def desired_state(commands: FloatArray, time: float) -> FloatArray:
     """Desired angles [rad], then rates [rad/s], at `time` [s]: shape (20,).
 
-    Linear between the frames of `commands`, shape (n, 10), and held after the last one. A frame
-    belongs to the interval that it begins.
+    Angles are linear between the frames of `commands`, shape (n, 10), and held after the last one.
+    Rates are zero, because a servo is sent positions only (see `servo.Servo`).
     """
-    frame = min(int(time / FRAME_TIME + _FRAME_ROUNDING), len(commands) - 1)
-    start = commands[frame]
-    if frame == len(commands) - 1:
-        return np.concatenate([start, np.zeros_like(start)])
-    rate = (commands[frame + 1] - start) / FRAME_TIME
-    return np.concatenate([start + rate * (time - frame * FRAME_TIME), rate])
+    frame = min(int(time / FRAME_TIME), len(commands) - 2)
+    progress = min(time / FRAME_TIME - frame, 1.0)
+    angles = commands[frame] + progress * (commands[frame + 1] - commands[frame])
+    return np.concatenate([angles, np.zeros_like(angles)])
 
 
 class GaitSystem(LeafSystem):
@@ -33,7 +28,7 @@ class GaitSystem(LeafSystem):
     gait: `set_commands` writes them.
 
     Output port:
-        desired_state: angles [rad] and rates [rad/s] of gait.JOINTS, size 20, as
+        desired_state: angles [rad] and zero rates of gait.JOINTS, size 20, as
         MultibodyPlant.get_desired_state_input_port() takes them.
     """
 
@@ -42,13 +37,22 @@ class GaitSystem(LeafSystem):
         self.set_name("gait")
         standing = np.zeros((FRAMES + 1, len(JOINTS)))
         self._commands = self.DeclareAbstractParameter(AbstractValue.Make(standing))
+        self._lead = self.DeclareNumericParameter(BasicVector([0.0]))
         self.DeclareVectorOutputPort("desired_state", 2 * len(JOINTS), self._calc_desired_state)
 
-    def set_commands(self, context: Context, commands: FloatArray) -> None:
-        """Put joint angles [rad], shape (n, 10), one row a frame, into this system's context."""
+    def set_commands(self, context: Context, commands: FloatArray, *, lead: float = 0.0) -> None:
+        """Put commands into this system's context.
+
+        Args:
+            context: The context of this system.
+            commands: Joint angles [rad], shape (n, 10), one row a frame.
+            lead: How far ahead they are read [s], see `walk.Integrator.lead`.
+        """
         value = AbstractValue.Make(np.array(commands, dtype=float))
         context.get_mutable_abstract_parameter(self._commands).SetFrom(value)
+        context.get_mutable_numeric_parameter(self._lead).SetAtIndex(0, lead)
 
     def _calc_desired_state(self, context: Context, output: BasicVector) -> None:
         parameter: Any = context.get_abstract_parameter(self._commands)
-        output.SetFromVector(desired_state(parameter.get_value(), context.get_time()))
+        lead = context.get_numeric_parameter(self._lead).GetAtIndex(0)
+        output.SetFromVector(desired_state(parameter.get_value(), context.get_time() + lead))

@@ -157,16 +157,24 @@ class Robot:
 
 
 def add_robot(
-    builder: DiagramBuilder, model: str | Path, foot: FootDesign, servo: Servo
+    builder: DiagramBuilder,
+    model: str | Path,
+    foot: FootDesign,
+    servo: Servo,
+    *,
+    time_step: float = 0.0,
 ) -> tuple[MultibodyPlant, SceneGraph]:
     """Add plant and scene graph of the robot on the ground to a diagram.
+
+    The plant is continuous, or, with a `time_step` [s], discrete with Drake's lagged solver.
 
     Raises:
         ModelError: the description cannot be read, or is not a biped with the joints needed.
     """
     path = model_path(model)
     plant, scene_graph = AddMultibodyPlant(
-        MultibodyPlantConfig(time_step=0.0, contact_model="hydroelastic_with_fallback"), builder
+        MultibodyPlantConfig(time_step=time_step, contact_model="hydroelastic_with_fallback"),
+        builder,
     )
     plant.set_name("plant")
     parser = Parser(plant)
@@ -182,7 +190,7 @@ def add_robot(
         first_line = str(error).strip().splitlines()[0]
         raise ModelError(f"{path} is not a robot that can be used: {first_line}") from None
     _check_joints(plant, path)
-    _add_ground(plant)
+    add_ground(plant)
     for name in JOINTS:
         # Commands stay within Table I, and a limit costs the solver a fifth of a walk's time.
         plant.GetJointByName(name).set_position_limits(_NEVER[0], _NEVER[1])
@@ -213,7 +221,7 @@ def _check_joints(plant: MultibodyPlant, path: Path) -> None:
         )
 
 
-def _add_ground(plant: MultibodyPlant) -> None:
+def add_ground(plant: MultibodyPlant) -> None:
     """A rigid half space under z = 0."""
     properties = ProximityProperties()
     AddRigidHydroelasticProperties(properties)
@@ -245,14 +253,16 @@ def _concerns_deformables(record: logging.LogRecord) -> bool:
 logging.getLogger("drake").addFilter(lambda record: not _concerns_deformables(record))
 
 
-def build_robot(model: str | Path, foot: FootDesign, servo: Servo) -> Robot:
+def build_robot(
+    model: str | Path, foot: FootDesign, servo: Servo, *, time_step: float = 0.0
+) -> Robot:
     """The diagram of a robot whose servos follow a GaitSystem.
 
     Raises:
         ModelError: see `add_robot`.
     """
     builder = DiagramBuilder()
-    plant, scene_graph = add_robot(builder, model, foot, servo)
+    plant, scene_graph = add_robot(builder, model, foot, servo, time_step=time_step)
     gait = GaitSystem()
     builder.AddSystem(gait)
     instance = plant.GetBodyByName("torso").model_instance()

@@ -12,16 +12,18 @@ class Servo:
     The controller's torque is held within the stall torque, and the motor's back-EMF takes from it
     in proportion to the speed, so that at the no-load speed nothing is left:
 
-        torque = clip(stiffness * (q_d - q) + damping * (v_d - v), ± stall) - stall * v / no_load
+        torque = clip(stiffness * (q_d - q) - damping * v, ± stall) - stall * v / no_load
 
+    A servo is sent positions, so its damping acts on its own speed. (Drake 1.51.1's CENIC would
+    also take a desired speed, but with the wrong sign.)
     This is the torque-speed line of the motor, with the speed limit as its end. The stall torque is
     the joint's effort limit in the robot's SDF file.
     """
 
-    stiffness: float = 10.0
-    """Proportional gain [N·m/rad]: the stall torque is reached 7.9 degrees off the command."""
-    damping: float = 0.3
-    """Derivative gain of the controller [N·m·s/rad]."""
+    stiffness: float = 20.0
+    """Proportional gain [N·m/rad]: the stall torque is reached 3.9 degrees off the command."""
+    damping: float = 0.2
+    """Damping by the controller [N·m·s/rad]."""
     no_load_speed: float = 7.48
     """Speed at which the motor has no torque left [rad/s]: 0.14 s/60 degrees, KRS-2552 data."""
 

@@ -113,6 +113,7 @@ class StudySettings:
         """Every setting as `section.key`: number, text or list; two studies can be compared."""
         walk = asdict(self.walk)
         servo = walk.pop("servo")
+        walk.pop("integrator")  # The fidelity says it; another one is for comparisons only.
         nested = {
             "study": {"name": self.name, "question": self.question, "seed": self.seed},
             "search": asdict(self.search),

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
-from pydrake.systems.framework import Context
+from pydrake.systems.framework import Context, Diagram
 
 from drake_gait.foot import FootDesign
 from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray
@@ -15,7 +15,7 @@ from drake_gait.observer import Observer
 from drake_gait.problem import Candidate
 from drake_gait.robot import Robot, build_robot
 from drake_gait.servo import Servo
-from drake_gait.walk import Fidelity, Outcome, Walk, WalkSettings
+from drake_gait.walk import INTEGRATORS, Fidelity, Integrator, Outcome, Walk, WalkSettings
 
 FALL_TILT = np.radians(45.0)
 """The robot has fallen when its torso leans further than this from upright [rad]."""
@@ -29,20 +29,6 @@ _SETTLING_TIME = 1.0
 # A step must not miss a frame's instant by rounding: the sliver of a step that is left has no
 # solution, and CENIC fails an assertion. A step this much longer is always cut at the frame.
 _STEP_EXCESS = 1.0 + 1e-6
-
-_CONFIGS = {
-    Fidelity.SEARCH: SimulatorConfig(
-        integration_scheme="cenic",
-        max_step_size=0.004 * _STEP_EXCESS,
-        use_error_control=False,
-    ),
-    Fidelity.REFERENCE: SimulatorConfig(
-        integration_scheme="cenic",
-        max_step_size=FRAME_TIME * _STEP_EXCESS,
-        accuracy=1e-4,
-        use_error_control=True,
-    ),
-}
 
 
 def simulate(
@@ -82,20 +68,23 @@ def follow(
         ModelError: the robot description cannot be used.
     """
     foot, settings = foot or FootDesign(), settings or WalkSettings()
-    robot = _robot(settings.model, foot.big_toe_width, settings.servo)
+    stepping = settings.stepping
+    time_step = stepping.step if stepping.discrete else 0.0
+    robot = _robot(settings.model, foot.big_toe_width, settings.servo, time_step)
     context = robot.diagram.CreateDefaultContext()
     plant_context = robot.plant.GetMyMutableContextFromRoot(context)
     robot.set_foot(plant_context, foot)
     robot.plant.SetPositions(plant_context, _standing(settings.model, foot, settings.servo))
-    robot.gait.set_commands(robot.gait.GetMyMutableContextFromRoot(context), commands)
+    gait_context = robot.gait.GetMyMutableContextFromRoot(context)
+    robot.gait.set_commands(gait_context, commands, lead=stepping.lead)
     observer = Observer(robot, commands) if history else None
     return _advance(robot, context, settings, observer)
 
 
 @lru_cache(maxsize=4)
-def _robot(model: str | Path, big_toe_width: float, servo: Servo) -> Robot:
+def _robot(model: str | Path, big_toe_width: float, servo: Servo, time_step: float = 0.0) -> Robot:
     """One diagram serves every gait and every toe spring of a width."""
-    return build_robot(model, FootDesign(big_toe_width=big_toe_width), servo)
+    return build_robot(model, FootDesign(big_toe_width=big_toe_width), servo, time_step=time_step)
 
 
 @lru_cache(maxsize=64)
@@ -105,17 +94,25 @@ def _standing(model: str | Path, foot: FootDesign, servo: Servo) -> FloatArray:
     context = robot.diagram.CreateDefaultContext()
     plant_context = robot.plant.GetMyMutableContextFromRoot(context)
     robot.set_foot(plant_context, foot)
-    simulator = _simulator(robot, context, Fidelity.SEARCH)
+    simulator = start(robot.diagram, context, INTEGRATORS[Fidelity.SEARCH])
     simulator.AdvanceTo(_SETTLING_TIME)
     positions: FloatArray = robot.plant.GetPositions(plant_context)
     positions.setflags(write=False)
     return positions
 
 
-def _simulator(robot: Robot, context: Context, fidelity: Fidelity) -> Simulator:
+def start(diagram: Diagram, context: Context, stepping: Integrator) -> Simulator:
+    """A simulator of a diagram with a plant, at the start of its context."""
     # A fresh one for each walk: a second run in the same simulator differs in its last digits.
-    simulator = Simulator(robot.diagram, context)
-    ApplySimulatorConfig(_CONFIGS[fidelity], simulator)
+    simulator = Simulator(diagram, context)
+    config = SimulatorConfig(
+        integration_scheme="cenic",
+        max_step_size=stepping.step * _STEP_EXCESS,
+        accuracy=stepping.accuracy or 1e-3,
+        use_error_control=stepping.accuracy is not None,
+    )
+    if not stepping.discrete:
+        ApplySimulatorConfig(config, simulator)
     simulator.Initialize()
     return simulator
 
@@ -136,7 +133,7 @@ def _advance(
     headings = [_heading(X_WT)]
     deadline = time.monotonic() + settings.time_limit
     outcome, reason, steps = Outcome.WALKED, "", FRAMES
-    simulator = _simulator(robot, context, settings.fidelity)
+    simulator = start(robot.diagram, context, settings.stepping)
     if observer:
         observer.record(context)
         simulator.set_monitor(observer.monitor)

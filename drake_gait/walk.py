@@ -5,7 +5,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from drake_gait.errors import SettingsError
-from drake_gait.gait import FloatArray
+from drake_gait.gait import FRAME_TIME, FloatArray
 from drake_gait.servo import Servo
 
 DEFAULT_MODEL = "khr3hv.sdf"
@@ -22,13 +22,49 @@ class Fidelity(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Integrator:
+    """How Drake steps a walk."""
+
+    step: float
+    """Length of every step, or the longest where errors are controlled [s]."""
+    accuracy: float | None = None
+    """Error per step that is allowed, CENIC's measure; None: steps of fixed length."""
+    discrete: bool = False
+    """Whether to use Drake's discrete plant with its lagged solver; for comparisons."""
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.step <= FRAME_TIME:
+            raise SettingsError(f"step must be > 0 and <= {FRAME_TIME} s, got {self.step}")
+        if self.accuracy is not None and not 0.0 < self.accuracy < 1.0:
+            raise SettingsError(f"accuracy must be in (0, 1), got {self.accuracy}")
+
+    @property
+    def lead(self) -> float:
+        """How far ahead a command is read [s].
+
+        Drake reads it at the beginning of a step and applies it at the end: in steps of fixed
+        length this makes up for the delay.
+        """
+        return self.step if self.accuracy is None else 0.0
+
+
+INTEGRATORS = {
+    Fidelity.SEARCH: Integrator(step=0.004),
+    Fidelity.REFERENCE: Integrator(step=FRAME_TIME, accuracy=1e-4),
+}
+"""The integrator of each fidelity, chosen by measurement (docs/walk.md)."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class WalkSettings:
     """How candidates are simulated."""
 
     model: str | Path = DEFAULT_MODEL
     """Robot description: an SDF file, or the name of a shipped one."""
     fidelity: Fidelity = Fidelity.SEARCH
-    """Integrator."""
+    """How finely to simulate."""
+    integrator: Integrator | None = None
+    """Takes the place of the fidelity's own; for comparisons."""
     servo: Servo = field(default_factory=Servo)
     """The ten servos."""
     time_limit: float = 60.0
@@ -37,6 +73,11 @@ class WalkSettings:
     def __post_init__(self) -> None:
         if not self.time_limit > 0.0:
             raise SettingsError(f"time_limit must be > 0 s, got {self.time_limit}")
+
+    @property
+    def stepping(self) -> Integrator:
+        """The integrator to use."""
+        return self.integrator or INTEGRATORS[self.fidelity]
 
 
 class Outcome(StrEnum):
