@@ -344,6 +344,7 @@ def main() -> None:
     parser.add_argument("--solvers", nargs="+", choices=SOLVERS, default=list(SOLVERS))
     parser.add_argument("--jobs", type=int, default=1, help="processes at a time")
     parser.add_argument("--own-time", action="store_true", help="only measure ISADE's own time")
+    parser.add_argument("--no-runs", action="store_true", help="only print what the file holds")
     options = parser.parse_args()
     if options.own_time:
         print("\n".join(own_time()))
@@ -354,7 +355,8 @@ def main() -> None:
         for problem in options.problems
         for seed in range(options.seeds)
     ]
-    run_missing(wanted, options.output, options.jobs)
+    if not options.no_runs:
+        run_missing(wanted, options.output, options.jobs)
     runs = [r for r in read(options.output) if (r.solver, r.problem, r.seed) in set(wanted)]
     print("\n".join(table(runs, options.solvers, options.problems)))
 
