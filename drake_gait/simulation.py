@@ -68,6 +68,15 @@ def follow(
         ModelError: the robot description cannot be used.
     """
     foot, settings = foot or FootDesign(), settings or WalkSettings()
+    robot, context = prepare(commands, foot, settings)
+    observer = Observer(robot, commands) if history else None
+    return _advance(robot, context, settings, observer)
+
+
+def prepare(
+    commands: FloatArray, foot: FootDesign, settings: WalkSettings
+) -> tuple[Robot, Context]:
+    """A robot, and a context of its diagram in which it stands, about to follow `commands`."""
     stepping = settings.stepping
     time_step = stepping.step if stepping.discrete else 0.0
     robot = _robot(settings.model, foot.big_toe_width, settings.servo, time_step)
@@ -77,8 +86,7 @@ def follow(
     robot.plant.SetPositions(plant_context, _standing(settings.model, foot, settings.servo))
     gait_context = robot.gait.GetMyMutableContextFromRoot(context)
     robot.gait.set_commands(gait_context, commands, lead=stepping.lead)
-    observer = Observer(robot, commands) if history else None
-    return _advance(robot, context, settings, observer)
+    return robot, context
 
 
 @lru_cache(maxsize=4)

@@ -1,0 +1,221 @@
+"""Measure how fast and how well a walk is simulated: `python tools/bench_walk.py`.
+
+Three tables, from one Latin hypercube of a study's box:
+
+    integrators   each against the reference fidelity: survivors in common, correlation and median
+                  difference of Z, X and yaw, processor time of a walk, walks per second
+    convergence   feasible walks only: what a finer step, a tighter accuracy and small changes of
+                  the coefficients do to them
+    overhead      processor time of `simulate` against a bare loop of Drake's own stepping
+
+docs/walk.md holds the tables that this printed.
+"""
+
+import argparse
+import os
+import time
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from multiprocessing import get_context
+from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+
+from drake_gait import simulation
+from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray, Gait
+from drake_gait.problem import Candidate, assess
+from drake_gait.search import design_of_experiments
+from drake_gait.settings import StudySettings, default_study, read_study
+from drake_gait.walk import Fidelity, Integrator, Walk, WalkSettings
+
+INTEGRATORS = {
+    "CENIC, 10 ms": Integrator(step=0.010),
+    "CENIC, 5 ms": Integrator(step=0.005),
+    "CENIC, 4 ms (search)": Integrator(step=0.004),
+    "CENIC, 2.5 ms": Integrator(step=0.0025),
+    "CENIC, 2 ms": Integrator(step=0.002),
+    "CENIC, accuracy 1e-3": Integrator(step=FRAME_TIME, accuracy=1e-3),
+    "lagged, 4 ms": Integrator(step=0.004, discrete=True),
+    "lagged, 2 ms": Integrator(step=0.002, discrete=True),
+    "lagged, 1 ms": Integrator(step=0.001, discrete=True),
+}
+REFERENCE = "CENIC, accuracy 1e-4 (reference)"
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What an integrator made of all candidates."""
+
+    walks: list[Walk]
+    cpu: FloatArray
+    """Processor time of each walk [s], shape (n,)."""
+    elapsed: float
+    """Wall-clock time of all of them [s]."""
+
+    @property
+    def survived(self) -> np.ndarray:
+        """Who survived, shape (n,)."""
+        return np.array([walk.survived for walk in self.walks])
+
+    @property
+    def numbers(self) -> FloatArray:
+        """Z [mm], X [mm] and yaw [deg], shape (n, 3)."""
+        return np.array([[1e3 * w.forward, 1e3 * w.lateral, np.degrees(w.yaw)] for w in self.walks])
+
+
+def timed(candidate: Candidate, settings: WalkSettings) -> tuple[Walk, float]:
+    """One walk and its processor time [s]."""
+    start = time.process_time()
+    walk = simulation.simulate(candidate, settings)
+    return walk, time.process_time() - start
+
+
+def run(
+    pool: ProcessPoolExecutor, candidates: Sequence[Candidate], settings: WalkSettings
+) -> Batch:
+    """All candidates, over all processes."""
+    start = time.perf_counter()
+    results = list(pool.map(timed, candidates, [settings] * len(candidates)))
+    elapsed = time.perf_counter() - start
+    walks, cpu = zip(*results, strict=True)
+    return Batch(list(walks), np.array(cpu), elapsed)
+
+
+def compare(one: Batch, other: Batch) -> str:
+    """Survival in common, correlations and median differences, as a row's cells."""
+    both = one.survived & other.survived
+    a, b = one.numbers[both], other.numbers[both]
+    same = float(np.mean(one.survived == other.survived))
+    cells = [f"{100 * same:4.0f} %"]
+    for column in range(3):
+        r = np.corrcoef(a[:, column], b[:, column])[0, 1] if both.sum() > 2 else np.nan
+        cells.append(f"{r:5.2f} ({np.median(np.abs(a - b)[:, column]):4.1f})")
+    return " | ".join(cells)
+
+
+def integrators(pool: ProcessPoolExecutor, candidates: list[Candidate], walk: WalkSettings) -> None:
+    """Print the first table."""
+    reference = run(pool, candidates, replace(walk, fidelity=Fidelity.REFERENCE))
+    print("\n| integrator | same survival | Z r (mm) | X r (mm) | yaw r (deg) | survive "
+          "| CPU s / completed walk | walks/s |")  # fmt: skip
+    print("|---|---|---|---|---|---|---|---|")
+    print_row(REFERENCE, "–| – | – | –", reference)
+    for name, integrator in INTEGRATORS.items():
+        batch = run(pool, candidates, replace(walk, integrator=integrator))
+        print_row(name, compare(batch, reference), batch)
+
+
+def print_row(name: str, cells: str, batch: Batch) -> None:
+    """One integrator's row."""
+    completed = batch.cpu[batch.survived]
+    median = np.median(completed) if len(completed) else np.nan
+    rate = len(batch.walks) / batch.elapsed
+    print(f"| {name} | {cells} | {100 * batch.survived.mean():.0f} % | {median:.3f} | {rate:.1f} |",
+          flush=True)  # fmt: skip
+
+
+def convergence(
+    pool: ProcessPoolExecutor, candidates: list[Candidate], settings: StudySettings, seed: int
+) -> None:
+    """Print the second table, for the candidates that are feasible at search fidelity."""
+    walk = settings.walk
+    found = run(pool, candidates, walk)
+    chosen = [
+        candidate
+        for candidate, result in zip(candidates, found.walks, strict=True)
+        if assess(result, settings.constraints).feasible
+    ]
+    base = run(pool, chosen, walk)
+    reference = replace(walk, fidelity=Fidelity.REFERENCE)
+    exact = run(pool, chosen, reference)
+    tight = replace(walk, integrator=Integrator(step=FRAME_TIME, accuracy=1e-5))
+    rows = {
+        "search, coefficients + 1e-6 deg": (run(pool, shifted(chosen, 1e-6, seed), walk), base),
+        "search, coefficients ± 0.05 deg": (run(pool, shifted(chosen, 0.05, seed), walk), base),
+        "search, half the step (2 ms)": (
+            run(pool, chosen, replace(walk, integrator=Integrator(step=0.002))), base),
+        "search, a quarter (1 ms)": (
+            run(pool, chosen, replace(walk, integrator=Integrator(step=0.001))), base),
+        "reference (1e-4)": (exact, base),
+        "reference, 1e-5 instead of 1e-4": (run(pool, chosen, tight), exact),
+        "reference, coefficients + 1e-6 deg": (
+            run(pool, shifted(chosen, 1e-6, seed), reference), exact),
+        "reference, coefficients ± 0.05 deg": (
+            run(pool, shifted(chosen, 0.05, seed), reference), exact),
+    }  # fmt: skip
+    print(f"\n{len(chosen)} feasible walks; differences: median (90th percentile)\n")
+    print("| changed | same survival | Z mm | X mm | yaw deg |\n|---|---|---|---|---|")
+    for name, (changed, original) in rows.items():
+        both = changed.survived & original.survived
+        difference = np.abs(changed.numbers - original.numbers)[both]
+        cells = " | ".join(
+            f"{np.median(column):.2f} ({np.percentile(column, 90):.2f})" for column in difference.T
+        )
+        same = 100 * np.mean(changed.survived == original.survived)
+        print(f"| {name} | {same:.0f} % | {cells} |", flush=True)
+
+
+def shifted(candidates: list[Candidate], degrees: float, seed: int) -> list[Candidate]:
+    """Candidates with every coefficient changed by a normal number of this deviation."""
+    rng = np.random.default_rng([seed, 99])
+    return [
+        replace(
+            candidate,
+            gait=Gait(
+                coefficients=candidate.gait.coefficients
+                + np.radians(degrees) * rng.standard_normal((4, 4))
+            ),
+        )
+        for candidate in candidates
+    ]
+
+
+def overhead(candidates: list[Candidate], walk: WalkSettings, repeats: int = 5) -> None:
+    """Print the third table: simulate() and the bare loop take turns on the same walks."""
+    ratios, times = [], []
+    for candidate in [c for c in candidates if simulation.simulate(c, walk).survived][:repeats]:
+        bare_time, full_time = [], []
+        for _ in range(3):
+            robot, context = simulation.prepare(candidate.gait.commands, candidate.foot, walk)
+            start = time.process_time()
+            simulator = simulation.start(robot.diagram, context, walk.stepping)
+            simulator.AdvanceTo(FRAMES * FRAME_TIME)
+            bare_time.append(time.process_time() - start)
+            full_time.append(timed(candidate, walk)[1])
+        ratios.append(np.median(full_time) / np.median(bare_time))
+        times.append(np.median(full_time))
+    print(f"\nsimulate() / bare stepping: {np.median(ratios):.3f} "
+          f"({min(ratios):.3f} to {max(ratios):.3f}), {np.median(times):.3f} CPU s")  # fmt: skip
+
+
+def main() -> None:
+    """Print the tables that are asked for."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("tables", nargs="*", default=["integrators", "convergence", "overhead"])
+    parser.add_argument("--study", type=Path, default=default_study())
+    parser.add_argument("--walks", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--workers", type=int, default=len(os.sched_getaffinity(0)))
+    options = parser.parse_args()
+    overrides = {
+        ("study", "seed"): options.seed,
+        ("search", "samples"): options.walks,
+        ("search", "simulations"): options.walks,
+    }
+    settings = read_study(options.study, overrides)
+    candidates = [settings.space.decode(x) for x in design_of_experiments(settings)]
+    with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as pool:
+        run(pool, candidates[: 2 * options.workers], settings.walk)  # Imports and builds.
+        if "integrators" in options.tables:
+            integrators(pool, candidates, settings.walk)
+        if "convergence" in options.tables:
+            convergence(pool, candidates, settings, options.seed)
+    if "overhead" in options.tables:
+        overhead(candidates, settings.walk)
+
+
+if __name__ == "__main__":
+    main()
