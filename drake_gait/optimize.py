@@ -71,7 +71,13 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
     parser = argparse.ArgumentParser(
         prog="python -m drake_gait.optimize", description=summary_line.split(":")[0], epilog=rest
     )
-    parser.add_argument("study", nargs="?", type=Path, help="a study's TOML file (the paper's)")
+    parser.add_argument(
+        "study",
+        nargs="?",
+        type=Path,
+        metavar="STUDY.toml",
+        help="a study's settings (the paper's)",
+    )
     parser.add_argument("--samples", type=int, help="walks of the design of experiments")
     parser.add_argument("--simulations", type=int, help="walks in all, samples included")
     parser.add_argument("--seed", type=int, help="seed of every random number")
@@ -95,6 +101,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except GaitError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        print("\nstopped; what was simulated is safe, and the same command goes on", flush=True)
+        return INTERRUPTED
 
 
 def _run(settings: StudySettings, folder: Path, workers: int) -> int:
@@ -111,11 +120,8 @@ def _run(settings: StudySettings, folder: Path, workers: int) -> int:
             try:
                 with LocalProcesses(walk, count=workers, time_limit=limit) as processes:
                     search(settings, study, processes.run, display)
-            except KeyboardInterrupt:
+            finally:
                 study.set("wall_s", earlier + time.monotonic() - started)
-                print(f"\nstopped; {folder} is safe, and the same command goes on", flush=True)
-                return INTERRUPTED
-            study.set("wall_s", earlier + time.monotonic() - started)
             study.set("finished", True)
             display.end()
         _write_results(settings, study, folder)
@@ -210,6 +216,12 @@ def _write_results(settings: StudySettings, study: Study, folder: Path) -> None:
     if network is not None:
         _draw_network(network, folder / "network.png")
         print(f"network of all {len(walks)} walks: {r_squared_line(network)}")
+    else:
+        survivors = outcome["survivors"]
+        print(
+            f"no network: {survivors} of {len(walks)} walks survived, and it needs "
+            f"{surrogate.FEWEST_SURVIVORS}; move the box to gaits that walk, or draw more samples"
+        )
     print(f"\n{table(walks, settings.constraints)}\n")
     verdict = "best feasible walk" if outcome["feasible"] else "no feasible walk; the nearest"
     print(f"{verdict}: {in_words(best.walk)}\n{folder}: result.json, walk.html, study.db, figures")

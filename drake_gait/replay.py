@@ -46,6 +46,12 @@ def _replay(folder: Path, number: int | None, out: Path) -> None:
     caption = f"{settings.name}, walk {chosen.id}: {in_words(walk)}"
     record(walk, chosen.candidate, out, model=settings.walk.model, caption=caption)
     print(f"{out}: {caption}")
+    if in_words(walk) != in_words(chosen.walk):
+        print(
+            f"warning: the study in {folder} has {in_words(chosen.walk)} for it; other versions or "
+            "another processor walk otherwise",
+            file=sys.stderr,
+        )
 
 
 def _find(walks: list[StudyWalk], number: int) -> StudyWalk:

@@ -9,13 +9,15 @@ import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
+from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context
+from multiprocessing.resource_tracker import ensure_running
 from typing import Protocol, Self
 
 from pebble import ProcessExpired, ProcessPool
 
-from drake_gait.errors import SettingsError
+from drake_gait.errors import SettingsError, WorkerError
 from drake_gait.problem import Candidate
 from drake_gait.walk import Walk
 
@@ -77,11 +79,12 @@ class LocalProcesses:
         self._time_limit = time_limit
         os.environ.update(_ONE_THREAD)  # What spawned processes inherit.
         self._pool = ProcessPool(
-            max_workers=count,
-            max_tasks=_WALKS_PER_PROCESS,
-            initializer=_ignore_interrupts,
-            context=get_context("spawn"),
+            max_workers=count, max_tasks=_WALKS_PER_PROCESS, context=get_context("spawn")
         )
+        with _interrupts_blocked():
+            started = self._pool.active
+        if not started:
+            raise WorkerError(f"cannot start {count} processes")
 
     def __enter__(self) -> Self:
         return self
@@ -117,9 +120,18 @@ class LocalProcesses:
             return Finished(index=index, walk=Walk.diverged(reason), seconds=self._time_limit)
 
 
-def _ignore_interrupts() -> None:
-    # Ctrl-C reaches the whole process group; the driver alone decides what it means.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+@contextmanager
+def _interrupts_blocked() -> Iterator[None]:
+    """Keep Ctrl-C from what is started inside: threads and processes inherit the mask for good.
+
+    It reaches the whole process group; the driver alone decides what it means.
+    """
+    ensure_running()  # Where it does not run yet, the first process starts it and lifts the mask.
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _timed(walk: WalkFunction, index: int, candidate: Candidate) -> Finished:

@@ -1,3 +1,5 @@
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -74,3 +76,18 @@ def entry(walked: Walk) -> StudyWalk:
         predicted={"forward": 1 / 7, "lateral": -1 / 9, "yaw": 1 / 11, "survival": 1 / 3},
         seconds=1 / 13,
     )
+
+
+@pytest.fixture(scope="session")
+def finished_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """Folder and output of a real study of 24 walks, by two workers."""
+    folder = tmp_path_factory.mktemp("runs") / "paper"
+    arguments = ["--samples", "20", "--simulations", "24", "--workers", "2", "--out", str(folder)]
+    ended = subprocess.run(
+        [sys.executable, "-m", "drake_gait.optimize", *arguments],
+        check=False,
+        capture_output=True,
+        text=True,
+    )
+    assert (ended.returncode, ended.stderr) == (0, "")
+    return folder, ended.stdout

@@ -6,6 +6,7 @@ import functools
 import multiprocessing
 import os
 import pickle
+import signal
 import subprocess
 import sys
 import time
@@ -197,6 +198,22 @@ def test_an_error_in_the_driver_ends_workers_in_the_midst_of_a_walk():
     with pytest.raises(RuntimeError, match="mishap"):
         drive()
     assert multiprocessing.active_children() == []
+
+
+def test_ctrl_c_does_not_reach_a_worker_nor_one_that_takes_its_place():
+    # Blocked from its first instant: it must not break off while a worker still imports.
+    with LocalProcesses(blocked_or_dead, count=1, time_limit=30.0) as processes:
+        walks = [one.walk for one in processes.run(candidates(3))]
+    assert [walk.outcome for walk in walks].count(Outcome.DIVERGED) == 1
+    assert [walk.reason for walk in walks if walk.survived] == ["True", "True"]
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
+def blocked_or_dead(candidate):
+    if number_of(candidate) == 1:
+        os._exit(3)
+    blocked = signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    return dataclasses.replace(stride(candidate), reason=str(blocked))
 
 
 DRIVER = """
