@@ -39,11 +39,9 @@ def test_on_a_frame_the_desired_angles_are_its_commands(frame):
     assert angles == pytest.approx(GAIT.commands[frame], abs=1e-12)
 
 
-@given(frames)
-def test_on_a_frame_the_desired_rates_are_those_that_lead_to_the_next(frame):
-    rates = desired_state(GAIT.commands, frame * FRAME_TIME)[10:]
-    step = GAIT.commands[frame + 1] - GAIT.commands[frame]
-    assert rates == pytest.approx(step / FRAME_TIME, abs=1e-12)
+@given(st.floats(0.0, 6.0))
+def test_the_desired_rates_are_zero_because_a_servo_is_sent_positions_only(time):
+    assert not desired_state(GAIT.commands, time)[10:].any()
 
 
 @given(frames, parts)
@@ -51,7 +49,6 @@ def test_between_frames_the_desired_angles_run_straight(frame, part):
     state = desired_state(GAIT.commands, (frame + part) * FRAME_TIME)
     start, end = GAIT.commands[frame : frame + 2]
     assert state[:10] == pytest.approx(start + part * (end - start), abs=1e-9)
-    assert state[10:] == pytest.approx((end - start) / FRAME_TIME, abs=1e-9)
 
 
 @given(frames)
@@ -92,6 +89,23 @@ def test_two_contexts_of_one_system_hold_two_gaits(system):
     assert (output(system, second) == desired_state(STANDING.commands, 0.5)).all()
     assert output(system, first).any()
     assert not output(system, second).any()
+
+
+@given(time=st.floats(0.0, 6.0), lead=st.floats(0.0, 0.1))
+def test_a_lead_reads_the_commands_that_much_ahead(time, lead):
+    system = GaitSystem()
+    context = system.CreateDefaultContext()
+    system.set_commands(context, GAIT.commands, lead=lead)
+    context.SetTime(time)
+    assert output(system, context) == pytest.approx(desired_state(GAIT.commands, time + lead))
+
+
+def test_without_a_lead_commands_that_follow_others_have_none(system):
+    context = system.CreateDefaultContext()
+    system.set_commands(context, GAIT.commands, lead=0.05)
+    system.set_commands(context, GAIT.commands)
+    context.SetTime(0.5)
+    assert (output(system, context) == desired_state(GAIT.commands, 0.5)).all()
 
 
 def test_new_commands_take_the_place_of_the_old_at_once(system):

@@ -42,7 +42,7 @@ fidelity = "reference"
 time_limit_s = 30
 [servo]
 stiffness_n_m_per_rad = 12.0
-damping_n_m_s_per_rad = 0.2
+damping_n_m_s_per_rad = 0.15
 no_load_speed_rad_per_s = 7.0
 [foot]
 big_toe_stiffness_n_mm_per_deg = 1.0
@@ -124,7 +124,7 @@ def test_walk_servo_and_search_are_written_in_si(read):
     assert study.walk.fidelity is Fidelity.REFERENCE
     assert study.walk.time_limit == 30.0
     servo = study.walk.servo
-    assert (servo.stiffness, servo.damping, servo.no_load_speed) == (12.0, 0.2, 7.0)
+    assert (servo.stiffness, servo.damping, servo.no_load_speed) == (12.0, 0.15, 7.0)
     assert study.search == SearchSettings(samples=30, simulations=90, batch=6, stagnation=4)
     assert (study.seed, study.question, study.chosen) == (7, "What if?", "by hand")
 
@@ -184,7 +184,7 @@ def test_a_description_names_each_setting_by_section_and_key(read):
         ("batch = 6", "search.batch"),
         ("yaw_deg = 4.0", "constraints.yaw"),
         ("time_limit_s = 30", "walk.time_limit"),
-        ("damping_n_m_s_per_rad = 0.2", "servo.damping"),
+        ("damping_n_m_s_per_rad = 0.15", "servo.damping"),
         ("big_toe_width_mm = 25", "foot.big_toe_width"),
         ("big_toe_width_mm = [10, 40]", "design.big_toe_width"),
     ],
