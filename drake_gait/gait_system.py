@@ -37,7 +37,8 @@ class GaitSystem(LeafSystem):
         self.set_name("gait")
         standing = np.zeros((FRAMES + 1, len(JOINTS)))
         self._commands = self.DeclareAbstractParameter(AbstractValue.Make(standing))
-        self._lead = self.DeclareNumericParameter(BasicVector([0.0]))
+        no_lead: FloatArray = np.zeros(1)
+        self._lead = self.DeclareNumericParameter(BasicVector(no_lead))
         self.DeclareVectorOutputPort("desired_state", 2 * len(JOINTS), self._calc_desired_state)
 
     def set_commands(self, context: Context, commands: FloatArray, *, lead: float = 0.0) -> None:

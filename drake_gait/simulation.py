@@ -1,11 +1,11 @@
 """One walk: build the diagram, step it frame by frame, return what it left behind."""
 
+import math
 import time
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from pydrake.math import RigidTransform
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Context, Diagram
 
@@ -17,10 +17,12 @@ from drake_gait.robot import Robot, build_robot
 from drake_gait.servo import Servo
 from drake_gait.walk import INTEGRATORS, Fidelity, Integrator, Outcome, Walk, WalkSettings
 
-FALL_TILT = np.radians(45.0)
+FALL_TILT = math.radians(45.0)
 """The robot has fallen when its torso leans further than this from upright [rad]."""
 FALL_HEIGHT = 0.8
 """The robot has fallen when its torso is below this part of its standing height."""
+
+_UPRIGHT = math.cos(FALL_TILT)
 
 _SETTLING_TIME = 1.0
 """How long the robot stands before its walk, to come to rest on its soles [s]."""
@@ -130,15 +132,13 @@ def _advance(
 ) -> Walk:
     """Step through the frames until the end, a fall or a failure."""
     plant = robot.plant
-    # CENIC's fixed steps leave the caches of its context behind its state, by up to a step: what
-    # a walk did is read from a context of its own.
-    posture = plant.CreateDefaultContext()
-    plant.SetPositions(posture, plant.GetPositions(plant.GetMyContextFromRoot(context)))
+    plant_context = plant.GetMyContextFromRoot(context)
     torso = plant.GetBodyByName("torso")
-    com_start = plant.CalcCenterOfMassPositionInWorld(posture)
-    X_WT = plant.EvalBodyPoseInWorld(posture, torso)
-    fall_height = FALL_HEIGHT * X_WT.translation()[2]
-    headings = [_heading(X_WT)]
+    pose = slice(torso.floating_positions_start(), torso.floating_positions_start() + 7)
+    com_start = _centre_of_mass(robot, plant_context)
+    heading, upright, height = torso_posture(plant.GetPositions(plant_context)[pose])
+    fall_height = FALL_HEIGHT * height
+    headings = [heading]
     deadline = time.monotonic() + settings.time_limit
     outcome, reason, steps = Outcome.WALKED, "", FRAMES
     simulator = start(robot.diagram, context, settings.stepping)
@@ -153,38 +153,50 @@ def _advance(
             return Walk.diverged(f"solver: {str(error).splitlines()[0]}", steps=frame - 1)
         if observer:
             observer.record(context)
-        plant.SetPositions(posture, plant.GetPositions(plant.GetMyContextFromRoot(context)))
-        X_WT = plant.EvalBodyPoseInWorld(posture, torso)
-        headings.append(_heading(X_WT))
-        if _has_fallen(X_WT, fall_height):
+        heading, upright, height = torso_posture(plant.GetPositions(plant_context)[pose])
+        headings.append(heading)
+        # Written so that a state that is not a number counts as a fall.
+        if not (upright > _UPRIGHT and height > fall_height):
             outcome, steps = Outcome.FELL, frame - 1
             reason = f"fell at {frame * FRAME_TIME:.2f} s"
             break
         if time.monotonic() > deadline:
             return Walk.diverged(f"took longer than {settings.time_limit:g} s", steps=frame)
-    com_end = plant.CalcCenterOfMassPositionInWorld(posture)
+    com_end = _centre_of_mass(robot, plant_context)
     if not np.isfinite(com_end).all():
         return Walk.diverged("the state is not finite", steps=steps)
+    forward, lateral = (
+        float(end - begin) for begin, end in zip(com_start[:2], com_end[:2], strict=True)
+    )
     return Walk(
         outcome=outcome,
         steps=steps,
-        forward=float(com_end[0] - com_start[0]),
-        lateral=float(com_end[1] - com_start[1]),
+        forward=forward,
+        lateral=lateral,
         yaw=float(np.unwrap(headings)[-1] - headings[0]),
         com_height=float(com_end[2]),
         reason=reason,
         history=observer.history() if observer else None,
-        measures=observer.measures(float(com_end[0] - com_start[0])) if observer else None,
+        measures=observer.measures(forward) if observer else None,
     )
 
 
-def _heading(X_WT: RigidTransform) -> float:
-    """Angle of the torso's forward axis about world z [rad]."""
-    forward = X_WT.rotation().col(0)
-    return float(np.arctan2(forward[1], forward[0]))
+def _centre_of_mass(robot: Robot, plant_context: Context) -> FloatArray:
+    """p_WC [m], shape (3,)."""
+    # CENIC's fixed steps leave the caches of a context behind its state, by up to a step: what a
+    # walk did is read from another context.
+    posture = robot.plant.CreateDefaultContext()
+    robot.plant.SetPositions(posture, robot.plant.GetPositions(plant_context))
+    com: FloatArray = robot.plant.CalcCenterOfMassPositionInWorld(posture)
+    return com
 
 
-def _has_fallen(X_WT: RigidTransform, fall_height: float) -> bool:
-    upright = X_WT.rotation().col(2)[2]
-    # Written so that a state that is not a number counts as a fall.
-    return not (upright > np.cos(FALL_TILT) and X_WT.translation()[2] > fall_height)
+def torso_posture(pose: FloatArray) -> tuple[float, float, float]:
+    """Heading [rad], cosine of the lean from upright, and height [m] of the torso.
+
+    Args:
+        pose: Quaternion (w, x, y, z) and position [m] of the torso in the world, shape (7,).
+    """
+    w, x, y, z, _, _, height = pose.tolist()
+    heading = math.atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
+    return heading, 1.0 - 2.0 * (x * x + y * y), height
