@@ -7,7 +7,6 @@ study. In the study's folder it leaves study.db (every walk), result.json (the b
 
 import argparse
 import functools
-import json
 import os
 import sys
 import time
@@ -15,19 +14,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-from drake_gait import figures, surrogate
 from drake_gait.errors import GaitError, StudyError
-from drake_gait.problem import assess
-from drake_gait.recording import record
-from drake_gait.result import file_sha256, in_words, r_squared_line, summary, table, versions
+from drake_gait.outputs import write_outputs
+from drake_gait.result import (
+    file_sha256,
+    in_words,
+    manner_in_words,
+    r_squared_line,
+    table,
+    versions,
+)
 from drake_gait.robot import build_robot, model_path
-from drake_gait.search import Progress, best_walk, search, training_data
+from drake_gait.search import Progress, search
 from drake_gait.settings import StudySettings, default_study, read_study
 from drake_gait.simulation import simulate
-from drake_gait.store import Study, StudyWalk
-from drake_gait.surrogate import Surrogate
+from drake_gait.store import Study
+from drake_gait.surrogate import FEWEST_SURVIVORS, Surrogate
 from drake_gait.workers import LocalProcesses
 
 INTERRUPTED = 130
@@ -191,63 +193,23 @@ class _Display:
 
 
 def _write_results(settings: StudySettings, study: Study, folder: Path) -> None:
-    """Write result.json, the recording and the figures, and print the table."""
-    walks = study.walks()
-    network = _final_network(settings, walks)
-    outcome = summary(settings, walks, network, wall_s=study.description()["wall_s"])
-    try:
-        (folder / "result.json").write_text(json.dumps(outcome, indent=2) + "\n")
-    except OSError as error:
-        raise StudyError(f"cannot write {folder / 'result.json'}: {error.strerror}") from None
-    best = best_walk(walks, settings.constraints)
-    replayed = simulate(best.candidate, settings.walk, history=True)
-    if replayed.history is not None:
-        caption = f"{settings.name}, walk {best.id}: {in_words(best.walk)}"
-        path = folder / "walk.html"
-        record(replayed, best.candidate, path, model=settings.walk.model, caption=caption)
-        figures.waveforms(replayed.history, folder / "waveforms.png")
-        figures.paths(replayed.history, folder / "paths.png")
-    figures.convergence(
-        [1e3 * walk.walk.forward if walk.walk.survived else np.nan for walk in walks],
-        [assess(walk.walk, settings.constraints).feasible for walk in walks],
-        folder / "convergence.png",
-        samples=settings.search.samples,
-    )
-    if network is not None:
-        _draw_network(network, folder / "network.png")
-        print(f"network of all {len(walks)} walks: {r_squared_line(network)}")
+    """Write what the study's folder is to hold, and print the table."""
+    walks, wall_s = study.walks(), study.description()["wall_s"]
+    written = write_outputs(settings, walks, folder, wall_s=wall_s)
+    if written.network is not None:
+        print(f"network of all {len(walks)} walks: {r_squared_line(written.network)}")
     else:
-        survivors = outcome["survivors"]
         print(
-            f"no network: {survivors} of {len(walks)} walks survived, and it needs "
-            f"{surrogate.FEWEST_SURVIVORS}; move the box to gaits that walk, or draw more samples"
+            f"no network: {written.result['survivors']} of {len(walks)} walks survived, and it "
+            f"needs {FEWEST_SURVIVORS}; move the box to gaits that walk, or draw more samples"
         )
     print(f"\n{table(walks, settings.constraints)}\n")
-    verdict = "best feasible walk" if outcome["feasible"] else "no feasible walk; the nearest"
-    print(f"{verdict}: {in_words(best.walk)}\n{folder}: result.json, walk.html, study.db, figures")
-
-
-def _final_network(settings: StudySettings, walks: list[StudyWalk]) -> Surrogate | None:
-    """The network that all walks of the study give, if enough survived."""
-    x, outputs, survived = training_data(walks, settings.space)
-    if survived.sum() < surrogate.FEWEST_SURVIVORS:
-        return None
-    return surrogate.fit(x, outputs, survived, seed=settings.seed)
-
-
-def _draw_network(network: Surrogate, path: Path) -> None:
-    units = np.array([1e3, 1e3, np.degrees(1.0), 1e3])
-    shown = [("Z", "mm"), ("X", "mm"), ("R", "deg")]
-    columns = slice(0, len(shown))
-    figures.predicted_against_simulated(
-        (network.targets * units)[:, columns],
-        (network.fitted * units)[:, columns],
-        (network.heldout * units)[:, columns],
-        network.r2_train[columns].tolist(),
-        network.r2_heldout[columns].tolist(),
-        shown,
-        path,
-    )
+    feasible = written.result["feasible"]
+    verdict = "best feasible walk" if feasible else "no feasible walk; the nearest"
+    print(f"{verdict}: {in_words(written.best.walk)}")
+    if written.replayed.measures is not None:
+        print(f"how it walks: {manner_in_words(written.replayed.measures)}")
+    print(f"{folder}: result.json, walk.html, study.db, figures")
 
 
 if __name__ == "__main__":

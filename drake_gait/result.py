@@ -15,7 +15,7 @@ from drake_gait.search import best_walk, feasible_walks
 from drake_gait.settings import StudySettings
 from drake_gait.store import StudyWalk
 from drake_gait.surrogate import OUTPUTS, Surrogate
-from drake_gait.walk import Walk
+from drake_gait.walk import Measures, Walk
 
 PAPER_TABLE = (
     # X_f [mm], Z_f [mm], R_f [deg], N: the paper's Table II, F1 to F8.
@@ -118,6 +118,19 @@ def in_words(walk: Walk) -> str:
     return (
         f"{1e3 * walk.forward:.1f} mm forward, {1e3 * walk.lateral:.1f} mm lateral, "
         f"{np.degrees(walk.yaw):.2f} degrees, {walk.steps} frames"
+    )
+
+
+def manner_in_words(measures: Measures) -> str:
+    """How a walk was walked, as text: a long one may be a shuffle."""
+    slip, clearance = (1e3 * np.array(pair) for pair in (measures.slip, measures.clearance))
+    return (
+        f"slip {slip[0]:.0f} / {slip[1]:.0f} mm (right / left foot), "
+        f"clearance {clearance[0]:.1f} / {clearance[1]:.1f} mm, "
+        f"duty {measures.duty_factor[0]:.2f} / {measures.duty_factor[1]:.2f}, "
+        f"yaw swing {np.degrees(measures.yaw_swing):.0f} degrees, "
+        f"peak torque {measures.peak_torque:.2f} N·m, "
+        f"cost of transport {measures.cost_of_transport:.2f}"
     )
 
 

@@ -96,7 +96,7 @@ def with_toes(sdf: str, big_toe_width: float) -> str:
 def _toe_link(root: ElementTree.Element, name: str) -> ElementTree.Element:
     link = root.find(f".//link[@name='{name}']")
     if link is None:
-        raise ModelError(f"no link '{name}' in the robot description")
+        raise ModelError(f"no link '{name}'")
     return link
 
 
@@ -121,7 +121,7 @@ def _resize_toe(link: ElementTree.Element, width: float, fixed_edge: float) -> N
 def _find(link: ElementTree.Element, path: str) -> ElementTree.Element:
     found = link.find(path)
     if found is None:
-        raise ModelError(f"link '{link.get('name')}' of the robot description has no <{path}>")
+        raise ModelError(f"link '{link.get('name')}' has no <{path}>")
     return found
 
 
@@ -182,6 +182,8 @@ def add_robot(
     parser.package_map().AddPackageXml(models_folder() / "package.xml")
     try:
         parser.AddModelsFromString(with_toes(path.read_text(), foot.big_toe_width), "sdf")
+    except ModelError as error:
+        raise ModelError(f"{path}: {error}") from None
     except ElementTree.ParseError as error:
         raise ModelError(f"{path} is not a well-formed SDF file: {error}") from None
     except (OSError, UnicodeDecodeError) as error:

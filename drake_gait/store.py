@@ -46,6 +46,10 @@ _COLUMNS = (
 _NAMES = [column.split()[0] for column in _COLUMNS]
 
 
+_WORDS = {"study.question", "box.chosen"}
+"""Settings that change no walk: a study goes on when somebody mends their wording."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class StudyWalk:
     """One walk of a study."""
@@ -152,7 +156,7 @@ class Study:
             "give --out for another folder, or what the study began with",
         )
         was, now = found["settings"], wanted.get("settings", found["settings"])
-        for key in sorted(was.keys() | now.keys()):
+        for key in sorted((was.keys() | now.keys()) - _WORDS):
             if was.get(key) != now.get(key):
                 raise StudyError(
                     f"{folder} holds a study with {key} = {was.get(key)}, not {now.get(key)}; "

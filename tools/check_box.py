@@ -1,0 +1,59 @@
+"""Count how many gaits of a study's box survive and are feasible: `python tools/check_box.py`.
+
+A box for a search should let at least 60 % of a Latin hypercube of 200 survive and at least 10 % be
+feasible; the figures say also how its walks are walked.
+"""
+
+import argparse
+import functools
+import os
+from pathlib import Path
+
+import numpy as np
+
+from drake_gait.problem import assess
+from drake_gait.search import design_of_experiments
+from drake_gait.settings import default_study, read_study
+from drake_gait.simulation import simulate
+from drake_gait.workers import LocalProcesses
+
+
+def main() -> None:
+    """Walk the design of experiments and print the counts."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("study", nargs="?", type=Path, default=default_study())
+    parser.add_argument("--walks", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--workers", type=int, default=len(os.sched_getaffinity(0)))
+    options = parser.parse_args()
+    overrides = {
+        ("study", "seed"): options.seed,
+        ("search", "samples"): options.walks,
+        ("search", "simulations"): options.walks,
+    }
+    settings = read_study(options.study, overrides)
+    candidates = [settings.space.decode(x) for x in design_of_experiments(settings)]
+    walk = functools.partial(simulate, settings=settings.walk, history=True)
+    with LocalProcesses(walk, count=options.workers) as workers:
+        walks = [finished.walk for finished in workers.run(candidates)]
+    survivors = [walk for walk in walks if walk.survived]
+    feasible = [walk for walk in walks if assess(walk, settings.constraints).feasible]
+    print(f"survive   {len(survivors) / len(walks):6.1%} of {len(walks)}")
+    print(f"feasible  {len(feasible) / len(walks):6.1%}")
+    columns = {
+        "forward [mm]": [1e3 * walk.forward for walk in survivors],
+        "lateral [mm]": [1e3 * walk.lateral for walk in survivors],
+        "yaw [deg]": [np.degrees(walk.yaw) for walk in survivors],
+        "slip of both feet [mm]": [1e3 * sum(walk.measures.slip) for walk in survivors],
+        "duty factor": [np.mean(walk.measures.duty_factor) for walk in survivors],
+        "yaw swing [deg]": [np.degrees(walk.measures.yaw_swing) for walk in survivors],
+        "peak torque [N·m]": [walk.measures.peak_torque for walk in survivors],
+    }
+    print("survivors: median (10th to 90th percentile)")
+    for name, values in columns.items():
+        low, middle, high = np.percentile(values, [10, 50, 90])
+        print(f"  {name:<24} {middle:8.2f} ({low:.2f} to {high:.2f})")
+
+
+if __name__ == "__main__":
+    main()
