@@ -31,7 +31,6 @@ WALLS = {
 }
 
 MOST_LINES = 400
-LONGER = {"isade": 600}  # One algorithm, its variants and its function, read from top to bottom.
 
 
 def imports(path, *, typing=True):
@@ -123,7 +122,7 @@ def test_the_package_depends_on_declared_libraries_only():
 @pytest.mark.parametrize("path", PACKAGE, ids=lambda path: path.stem)
 def test_a_module_is_short_enough_to_read(path):
     lines = len(path.read_text(encoding="utf-8").splitlines())
-    assert lines <= LONGER.get(path.stem, MOST_LINES)
+    assert lines <= MOST_LINES
 
 
 @pytest.mark.parametrize("path", PACKAGE, ids=lambda path: path.stem)

@@ -26,15 +26,16 @@ import numpy as np
 from isade_problems import PROBLEMS, TUNING, Problem
 from numpy.typing import NDArray
 
-from drake_gait.isade import VARIANTS, Isade, minimize, neighbours
+from drake_gait.isade import VARIANTS, Isade, minimize
+from drake_gait.variation import neighbours
 
 Array = NDArray[np.float64]
 
 FEASIBLE_BELOW = 1e7
 """No feasible point of any problem costs as much."""
 
-
 PROBE_SIZE = 60
+"""Individuals in the measurement of ISADE's own time."""
 
 
 @dataclass(frozen=True, kw_only=True)
