@@ -161,7 +161,7 @@ class Isade:
             self._unit = (
                 np.ones(violation.shape[1]) if raw else selection.constraint_units(violation)
             )
-        excess = (violation / self._unit).sum(1)
+        excess = (violation / self._unit).sum(1) if len(self._unit) else np.zeros(len(cost))
         if self.generation == 0 and self.handling == "epsilon":
             self._first_level = selection.first_epsilon(violation, excess)
         old, new = self._merit(self._excess, self._costs), self._merit(excess, cost)
