@@ -65,6 +65,7 @@ GAIT_PHASES = (
 )
 """Instants [s] of the paper's Fig. 12 and what one leg is doing."""
 
+_IMPACT = 4.0  # times the usual force: beyond this, an impact is cut off
 CONTACT_FORCE = 0.1
 """A foot stands on the ground when it is pressed with more than this [N]."""
 
@@ -305,6 +306,9 @@ def ground_reaction(history: History, path: Path) -> None:
                                  step="post", color=colour, linewidth=0.0)  # fmt: skip
         force.plot(history.time, vertical.sum(axis=1), color=GREY, linewidth=0.7, label="both")
         force.set_ylabel("vertical force [N]")
+        # A frame that meets an impact reads its peak; the axis is for what carries the robot.
+        both = vertical.sum(axis=1)
+        force.set_ylim(0.0, 1.05 * min(both.max(), _IMPACT * np.median(both)))
         share = (vertical > CONTACT_FORCE).all(axis=1).mean()
         contact.set_yticks([0.5, -0.5], [side for side, _ in SIDES])
         contact.set_ylabel("contact")
