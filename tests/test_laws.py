@@ -61,7 +61,8 @@ def test_the_ground_carries_the_weight_of_a_standing_robot() -> None:
 
 
 def test_foot_loads_average_to_the_weight_over_a_walk() -> None:
-    walk = simulate(Candidate(gait=MIDDLE), history=True)
+    # At reference fidelity: a step of 4 ms that meets an impact reads a peak at its end.
+    walk = simulate(Candidate(gait=MIDDLE), REFERENCE, history=True)
     assert walk.history is not None
     vertical = walk.history.ground_reaction[:, :, 2].sum(axis=1)
     # The robot ends at rest as it began: impulse = weight x time.
@@ -87,10 +88,10 @@ def test_a_standing_robot_gains_no_energy() -> None:
 def test_a_mirrored_gait_walks_a_mirrored_path() -> None:
     commands = MIDDLE.commands
     walk, twin = follow(commands), follow(mirrored(commands))
-    assert twin.forward == pytest.approx(walk.forward, abs=1e-3)
-    # Within the band of docs/walk.md: the meshes of the soles are not mirrored.
+    # The meshes of the soles are mirrored too (tools/make_models.py); without, 25 mm and 10 degrees.
+    assert twin.forward == pytest.approx(walk.forward, abs=2e-3)
     assert twin.lateral == pytest.approx(-walk.lateral, abs=5e-3)
-    assert wrapped(twin.yaw + walk.yaw) == pytest.approx(0.0, abs=np.radians(3.0))
+    assert wrapped(twin.yaw + walk.yaw) == pytest.approx(0.0, abs=np.radians(2.0))
 
 
 @pytest.mark.slow

@@ -232,6 +232,8 @@ class Shape:
     """'x', 'y' or 'z': not the box is seen but the round bar within it along this axis."""
     touch: tuple[float, float] | None = None
     """Surface friction (static, kinetic) of its collision geometry; None: only seen."""
+    mirrored: bool = False
+    """Whether it is the twin of a left-hand shape."""
 
 
 def disc(name: str, axis: str, centre: Vector, radius: float, depth: float, colour: str) -> Shape:
@@ -412,7 +414,7 @@ LEFT_LEG_SHAPES = {
 def mirrored_shape(shape: Shape, name: str) -> Shape:
     """The right-hand twin of a left-hand shape."""
     (x0, y0, z0), (x1, y1, z1) = shape.lower, shape.upper
-    return replace(shape, name=name, lower=(x0, -y1, z0), upper=(x1, -y0, z1))
+    return replace(shape, name=name, lower=(x0, -y1, z0), upper=(x1, -y0, z1), mirrored=True)
 
 
 def link_shapes() -> dict[str, list[Shape]]:
@@ -476,7 +478,10 @@ def add_shape(
     size = np.subtract(shape.upper, shape.lower)
     geometry = ElementTree.Element("geometry")
     if shape.axis is None:
-        turn = (0.0, 0.0, 0.0)
+        # Drake cuts a box into tetrahedra along one diagonal of its faces: half a turn about x
+        # mirrors the cut, without which a mirrored gait would not walk a mirrored path.
+        turned = shape.mirrored and kind == "collision"
+        turn = (math.pi if turned else 0.0, 0.0, 0.0)
         element(element(geometry, "box"), "size", numbers(size))
     else:
         # SDF's cylinders stand along z.
