@@ -22,6 +22,7 @@ TINY = ("--samples", "20", "--simulations", "24")
 FILES = {
     *("study.db", "result.json", "walk.html"),
     *("waveforms.png", "paths.png", "convergence.png"),
+    *("postures.png", "ground_reaction.png", "torques.png"),
 }
 
 
@@ -252,6 +253,8 @@ def start(*arguments):
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
+        # A job in the background of a script inherits a deaf ear.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
 
 
