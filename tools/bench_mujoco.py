@@ -26,16 +26,15 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import make_models
 import mujoco
 import numpy as np
-from bench_walk import Batch, compare
+from bench_walk import Batch, compare, walks_of_box
 from make_models import Mass, Shape, element, numbers
 
 from drake_gait.foot import FootDesign
 from drake_gait.gait import FRAME_TIME, FRAMES, JOINTS, FloatArray
 from drake_gait.problem import Candidate
 from drake_gait.robot import GROUND_FRICTION
-from drake_gait.search import design_of_experiments
 from drake_gait.servo import Servo
-from drake_gait.settings import default_study, read_study
+from drake_gait.settings import default_study
 from drake_gait.simulation import FALL_HEIGHT, FALL_TILT, simulate
 from drake_gait.walk import Fidelity, Outcome, Walk, WalkSettings
 
@@ -274,12 +273,7 @@ def main() -> None:
     parser.add_argument("--walks", type=int, default=40)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
-    overrides = {
-        ("study", "seed"): options.seed,
-        ("search", "samples"): options.walks,
-        ("search", "simulations"): options.walks,
-    }
-    settings = read_study(options.study, overrides)
+    settings, candidates = walks_of_box(options.study, options.walks, options.seed)
     walk = replace(settings.walk, fidelity=Fidelity.SEARCH)
     if walk.model not in MASSES:
         parser.error(f"no masses of '{walk.model}' in make_models.py; it has {', '.join(MASSES)}")
@@ -288,7 +282,6 @@ def main() -> None:
     }
     for step in STEPS:
         engines[f"MuJoCo, {1e3 * step:g} ms"] = partial(walk_in_mujoco, settings=walk, step=step)
-    candidates = [settings.space.decode(x) for x in design_of_experiments(settings)]
     alternate(engines, candidates[:1])  # Builds the models.
     print_table(alternate(engines, candidates))
 

@@ -66,6 +66,17 @@ class Batch:
         return np.array([[1e3 * w.forward, 1e3 * w.lateral, np.degrees(w.yaw)] for w in self.walks])
 
 
+def walks_of_box(study: Path, count: int, seed: int) -> tuple[StudySettings, list[Candidate]]:
+    """A study's settings, and a Latin hypercube of `count` candidates in its box."""
+    overrides = {
+        ("study", "seed"): seed,
+        ("search", "samples"): count,
+        ("search", "simulations"): count,
+    }
+    settings = read_study(study, overrides)
+    return settings, [settings.space.decode(x) for x in design_of_experiments(settings)]
+
+
 def timed(candidate: Candidate, settings: WalkSettings) -> tuple[Walk, float]:
     """One walk and its processor time [s]."""
     start = time.process_time()
@@ -200,13 +211,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=len(os.sched_getaffinity(0)))
     options = parser.parse_args()
-    overrides = {
-        ("study", "seed"): options.seed,
-        ("search", "samples"): options.walks,
-        ("search", "simulations"): options.walks,
-    }
-    settings = read_study(options.study, overrides)
-    candidates = [settings.space.decode(x) for x in design_of_experiments(settings)]
+    settings, candidates = walks_of_box(options.study, options.walks, options.seed)
     with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as pool:
         run(pool, candidates[: 2 * options.workers], settings.walk)  # Imports and builds.
         if "integrators" in options.tables:

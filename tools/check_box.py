@@ -10,10 +10,10 @@ import os
 from pathlib import Path
 
 import numpy as np
+from bench_walk import walks_of_box
 
 from drake_gait.problem import assess
-from drake_gait.search import design_of_experiments
-from drake_gait.settings import default_study, read_study
+from drake_gait.settings import default_study
 from drake_gait.simulation import simulate
 from drake_gait.workers import LocalProcesses
 
@@ -26,13 +26,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=len(os.sched_getaffinity(0)))
     options = parser.parse_args()
-    overrides = {
-        ("study", "seed"): options.seed,
-        ("search", "samples"): options.walks,
-        ("search", "simulations"): options.walks,
-    }
-    settings = read_study(options.study, overrides)
-    candidates = [settings.space.decode(x) for x in design_of_experiments(settings)]
+    settings, candidates = walks_of_box(options.study, options.walks, options.seed)
     walk = functools.partial(simulate, settings=settings.walk, history=True)
     with LocalProcesses(walk, count=options.workers) as workers:
         walks = [finished.walk for finished in workers.run(candidates)]
