@@ -120,9 +120,8 @@ class Observer:
         stacked["torso"][:, 3:] = np.unwrap(stacked["torso"][:, 3:], axis=0)
         return History(**stacked)
 
-    def measures(self, forward: float) -> Measures:
-        """The measures of a walk that went `forward` [m]."""
-        history = self.history()
+    def measures(self, history: History, forward: float) -> Measures:
+        """The measures of a walk with this history that went `forward` [m]."""
         plant = self._robot.plant
         gravity = np.abs(plant.gravity_field().gravity_vector()[2])
         weight = plant.CalcTotalMass(plant.CreateDefaultContext()) * gravity

@@ -26,7 +26,6 @@ from pydrake.multibody.plant import (
 )
 from pydrake.multibody.tree import (
     ForceElementIndex,
-    ModelInstanceIndex,
     PdControllerGains,
     RevoluteSpring,
     RigidBody,
@@ -34,7 +33,7 @@ from pydrake.multibody.tree import (
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from drake_gait.errors import ModelError
-from drake_gait.foot import FOOT_WIDTH, TOE_GAP, FootDesign
+from drake_gait.foot import FootDesign
 from drake_gait.gait import JOINTS, FloatArray
 from drake_gait.gait_system import GaitSystem
 from drake_gait.servo import Servo
@@ -73,8 +72,8 @@ def model_path(model: str | Path = DEFAULT_MODEL) -> Path:
     )
 
 
-def with_toes(sdf: str, big_toe_width: float) -> str:
-    """A robot description whose big toe is `big_toe_width` [m] wide.
+def with_toes(sdf: str, foot: FootDesign) -> str:
+    """A robot description whose toes have the widths of `foot`.
 
     Both toes keep their outer edges, length, thickness and density; their boxes, masses and
     inertias follow the width, and the heel part keeps its own.
@@ -88,8 +87,8 @@ def with_toes(sdf: str, big_toe_width: float) -> str:
     for side, inward in (("r", 1.0), ("l", -1.0)):
         big = _toe_link(root, f"big_toe_{side}")
         lesser = _toe_link(root, f"lesser_toes_{side}")
-        _resize_toe(big, big_toe_width, inward)
-        _resize_toe(lesser, FOOT_WIDTH - big_toe_width - TOE_GAP, -inward)
+        _resize_toe(big, foot.big_toe_width, inward)
+        _resize_toe(lesser, foot.lesser_toes_width, -inward)
     return ElementTree.tostring(root, encoding="unicode")
 
 
@@ -141,8 +140,6 @@ class Robot:
     """Its shapes."""
     gait: GaitSystem
     """Sends the commands."""
-    instance: ModelInstanceIndex
-    """The robot in the plant."""
     springs: tuple[RevoluteSpring, ...]
     """The toes' springs, ordered as TOE_HINGES."""
 
@@ -181,7 +178,7 @@ def add_robot(
     parser.SetStrictParsing()
     parser.package_map().AddPackageXml(models_folder() / "package.xml")
     try:
-        parser.AddModelsFromString(with_toes(path.read_text(), foot.big_toe_width), "sdf")
+        parser.AddModelsFromString(with_toes(path.read_text(), foot), "sdf")
     except ModelError as error:
         raise ModelError(f"{path}: {error}") from None
     except ElementTree.ParseError as error:
@@ -247,12 +244,8 @@ def sole_corners(robot: Robot, body: RigidBody) -> FloatArray:
     return np.hstack(corners)
 
 
-def _concerns_deformables(record: logging.LogRecord) -> bool:
-    """Whether Drake warns that deformable bodies will not touch the ground: there are none."""
-    return "deformable contact" in record.getMessage()
-
-
-logging.getLogger("drake").addFilter(lambda record: not _concerns_deformables(record))
+# Drake warns that deformable bodies will not touch the ground; there are none.
+logging.getLogger("drake").addFilter(lambda record: "deformable contact" not in record.getMessage())
 
 
 def build_robot(
@@ -276,7 +269,6 @@ def build_robot(
         plant=plant,
         scene_graph=scene_graph,
         gait=gait,
-        instance=instance,
         springs=_toe_springs(plant),
     )
 

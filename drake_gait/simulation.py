@@ -168,6 +168,7 @@ def _advance(
     forward, lateral = (
         float(end - begin) for begin, end in zip(com_start[:2], com_end[:2], strict=True)
     )
+    history = observer.history() if observer else None
     return Walk(
         outcome=outcome,
         steps=steps,
@@ -176,8 +177,8 @@ def _advance(
         yaw=float(np.unwrap(headings)[-1] - headings[0]),
         com_height=float(com_end[2]),
         reason=reason,
-        history=observer.history() if observer else None,
-        measures=observer.measures(forward) if observer else None,
+        history=history,
+        measures=observer.measures(history, forward) if observer and history else None,
     )
 
 

@@ -8,7 +8,6 @@ from types import ModuleType
 
 import numpy as np
 import pytest
-from pydrake.geometry import Box
 from pydrake.multibody.parsing import PackageMap, Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RevoluteSpring
@@ -24,6 +23,7 @@ from drake_gait.robot import (
     build_robot,
     model_path,
     models_folder,
+    sole_corners,
 )
 from drake_gait.servo import Servo
 
@@ -60,18 +60,9 @@ def robot() -> Robot:
 
 def corners(robot: Robot, link: str) -> np.ndarray:
     """Corners of a link's collision boxes in the upright robot's frame, shape (3, n)."""
-    inspector = robot.scene_graph.model_inspector()
-    context = robot.plant.CreateDefaultContext()
     body = robot.plant.GetBodyByName(link)
-    X_WB = robot.plant.EvalBodyPoseInWorld(context, body)
-    found = []
-    for geometry in robot.plant.GetCollisionGeometriesForBody(body):
-        box = inspector.GetShape(geometry)
-        assert isinstance(box, Box)
-        signs = np.array(list(itertools.product((-0.5, 0.5), repeat=3))).T
-        X_WG = X_WB @ inspector.GetPoseInFrame(geometry)
-        found.append(X_WG @ (signs * box.size()[:, None]))
-    return np.hstack(found)
+    X_WB = robot.plant.EvalBodyPoseInWorld(robot.plant.CreateDefaultContext(), body)
+    return np.array(X_WB @ sole_corners(robot, body))
 
 
 @pytest.mark.parametrize("name", FILES)
