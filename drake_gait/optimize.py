@@ -6,7 +6,6 @@ study. In the study's folder it leaves study.db (every walk), result.json (the b
 """
 
 import argparse
-import functools
 import os
 import sys
 import time
@@ -14,28 +13,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from drake_gait.errors import GaitError, StudyError
+from drake_gait.errors import GaitError
 from drake_gait.outputs import write_outputs
-from drake_gait.result import (
-    file_sha256,
-    in_words,
-    manner_in_words,
-    r_squared_line,
-    table,
-    versions,
-)
-from drake_gait.robot import build_robot, model_path
-from drake_gait.search import Progress, search
+from drake_gait.result import in_words, manner_in_words, r_squared_line, table
+from drake_gait.search import Progress
 from drake_gait.settings import StudySettings, default_study, read_study
-from drake_gait.simulation import simulate
 from drake_gait.store import Study
+from drake_gait.study import open_study, run_study
 from drake_gait.surrogate import FEWEST_SURVIVORS, Surrogate
-from drake_gait.workers import LocalProcesses
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells have it."""
-
-_STARTING_TIME = 60.0  # What a worker may need beside its walk, to import and to build [s].
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,43 +97,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(settings: StudySettings, folder: Path, workers: int) -> int:
-    build_robot(settings.walk.model, settings.space.foot, settings.walk.servo)  # Fails early.
-    with _open_study(settings, folder) as study:
-        known = study.description()
-        display = _Display(settings, len(study.walks()))
-        started, earlier = time.monotonic(), known.get("wall_s", 0.0)
-        if "finished" in known:
+    with open_study(settings, folder) as study:
+        if "finished" in study.description():
             print(f"{folder} is finished; another seed or --out starts another study")
         else:
-            walk = functools.partial(simulate, settings=settings.walk)
-            limit = settings.walk.time_limit + _STARTING_TIME
-            try:
-                with LocalProcesses(walk, count=workers, time_limit=limit) as processes:
-                    search(settings, study, processes.run, display)
-            finally:
-                study.set("wall_s", earlier + time.monotonic() - started)
-            study.set("finished", True)
+            display = _Display(settings, len(study.walks()))
+            run_study(settings, study, workers, display)
             display.end()
         _write_results(settings, study, folder)
     return 0
-
-
-def _open_study(settings: StudySettings, folder: Path) -> Study:
-    """The folder's study, to start or to go on with; refused if it is another one."""
-    path = folder / "study.db"
-    wanted = {
-        "settings": settings.description(),
-        "model_sha256": file_sha256(model_path(settings.walk.model)),
-    }
-    if not path.exists():
-        return Study.create(path, {**wanted, "versions": versions()})
-    study = Study.open(path, driver=True)
-    try:
-        study.require(wanted)
-    except StudyError:
-        study.close()
-        raise
-    return study
 
 
 class _Display:

@@ -166,10 +166,10 @@ def test_ctrl_c_at_any_moment_is_one_line_and_status_130(capsys, monkeypatch, tm
     def interrupt(*arguments):
         raise KeyboardInterrupt
 
-    for name in ("build_robot", "_open_study", "search", "_write_results"):
+    for name in ("open_study", "run_study", "_write_results"):
         with monkeypatch.context() as patch:
             if name == "_write_results":
-                patch.setattr(optimize, "search", lambda *arguments: None)
+                patch.setattr(optimize, "run_study", lambda *arguments: None)
             patch.setattr(optimize, name, interrupt)
             assert main([*TINY, "--workers", "1", "--out", str(tmp_path)]) == 130
         captured = capsys.readouterr()

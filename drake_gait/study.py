@@ -1,0 +1,65 @@
+"""One study in its folder: opened or gone on with, and searched to its end."""
+
+import functools
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from drake_gait.errors import StudyError
+from drake_gait.result import file_sha256, versions
+from drake_gait.robot import build_robot, model_path
+from drake_gait.search import Progress, search
+from drake_gait.settings import StudySettings
+from drake_gait.simulation import simulate
+from drake_gait.store import Study
+from drake_gait.workers import LocalProcesses
+
+_STARTING_TIME = 60.0  # What a worker may need beside its walk, to import and to build [s].
+
+
+def open_study(settings: StudySettings, folder: Path) -> Study:
+    """The folder's study, to start or to go on with, as its driver.
+
+    Raises:
+        ModelError: the robot cannot be used; found out before anything is written.
+        StudyError: the folder holds another study, or another driver has it.
+    """
+    build_robot(settings.walk.model, settings.space.foot, settings.walk.servo)
+    path = folder / "study.db"
+    wanted = {
+        "settings": settings.description(),
+        "model_sha256": file_sha256(model_path(settings.walk.model)),
+    }
+    if not path.exists():
+        return Study.create(path, {**wanted, "versions": versions()})
+    study = Study.open(path, driver=True)
+    try:
+        study.require(wanted)
+    except StudyError:
+        study.close()
+        raise
+    return study
+
+
+def run_study(
+    settings: StudySettings, study: Study, workers: int, report: Callable[[Progress], None]
+) -> None:
+    """Search an open study to its end, from wherever it stands, and mark it as finished.
+
+    Its time on the clock adds up over all runs, the interrupted ones too.
+
+    Args:
+        settings: What the study was opened with.
+        study: Where every walk is kept.
+        workers: Processes that simulate.
+        report: Told how far it is, after every walk.
+    """
+    started, earlier = time.monotonic(), study.description().get("wall_s", 0.0)
+    walk = functools.partial(simulate, settings=settings.walk)
+    limit = settings.walk.time_limit + _STARTING_TIME
+    try:
+        with LocalProcesses(walk, count=workers, time_limit=limit) as processes:
+            search(settings, study, processes.run, report)
+    finally:
+        study.set("wall_s", earlier + time.monotonic() - started)
+    study.set("finished", True)
