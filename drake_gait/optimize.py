@@ -6,10 +6,11 @@ study. In the study's folder it leaves study.db (every walk), result.json (the b
 """
 
 import argparse
+import functools
 import os
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from drake_gait.errors import GaitError
 from drake_gait.outputs import write_outputs
 from drake_gait.result import in_words, manner_in_words, r_squared_line, table
 from drake_gait.search import Progress
-from drake_gait.settings import StudySettings, default_study, read_study
+from drake_gait.settings import StudySettings, default_study, read_override, read_study
 from drake_gait.store import Study
 from drake_gait.study import open_study, run_study
 from drake_gait.surrogate import FEWEST_SURVIVORS, Surrogate
@@ -32,12 +33,8 @@ class Options:
 
     study: Path
     """The study's TOML file."""
-    samples: int | None
-    """Walks of the design of experiments."""
-    simulations: int | None
-    """Walks in all."""
-    seed: int | None
-    """Seed of every random number."""
+    overrides: tuple[str, ...]
+    """Settings that take the place of the file's, each section.key=value; the last one counts."""
     workers: int
     """Processes that simulate."""
     out: Path | None
@@ -45,21 +42,17 @@ class Options:
 
     def settings(self) -> StudySettings:
         """The study's settings, with what the command line overrides."""
-        given = {
-            ("search", "samples"): self.samples,
-            ("search", "simulations"): self.simulations,
-            ("study", "seed"): self.seed,
-        }
-        return read_study(
-            self.study, {key: value for key, value in given.items() if value is not None}
-        )
+        return read_study(self.study, dict(read_override(text) for text in self.overrides))
 
 
 def parse(arguments: Sequence[str] | None = None) -> Options:
     """Read the command line; exits with status 2 where it cannot."""
     summary_line, _, rest = (__doc__ or "").partition("\n\n")
     parser = argparse.ArgumentParser(
-        prog="python -m drake_gait.optimize", description=summary_line.split(":")[0], epilog=rest
+        prog="python -m drake_gait.optimize",
+        description=summary_line.split(":")[0],
+        epilog=rest,
+        allow_abbrev=False,
     )
     parser.add_argument(
         "study",
@@ -68,17 +61,24 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
         metavar="STUDY.toml",
         help="a study's settings (the paper's)",
     )
-    parser.add_argument("--samples", type=int, help="walks of the design of experiments")
-    parser.add_argument("--simulations", type=int, help="walks in all, samples included")
-    parser.add_argument("--seed", type=int, help="seed of every random number")
+    set_by = functools.partial(parser.add_argument, action="append", dest="overrides", default=[])
+    set_by("--set", metavar="SECTION.KEY=VALUE", help="override a setting of the file; repeatable")
+    set_by("--samples", type=_sets("search.samples"), help="walks of the design of experiments")
+    set_by("--simulations", type=_sets("search.simulations"), help="walks in all, samples included")
+    set_by("--seed", type=_sets("study.seed"), help="seed of every random number")
     parser.add_argument("--workers", type=int, help="processes that simulate (one per core)")
     parser.add_argument("--out", type=Path, help="the study's folder (runs/<study>)")
     found = parser.parse_args(arguments)
     if found.workers is not None and found.workers < 1:
         parser.error(f"argument --workers: must be >= 1, got {found.workers}")
     found.workers = found.workers or len(os.sched_getaffinity(0))
-    found.study = found.study or default_study()
+    found.study, found.overrides = found.study or default_study(), tuple(found.overrides)
     return Options(**vars(found))
+
+
+def _sets(name: str) -> Callable[[str], str]:
+    """Reads an option that is short for `--set name=VALUE`."""
+    return f"{name}={{}}".format
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

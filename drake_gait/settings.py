@@ -193,7 +193,34 @@ def read_study(path: Path, overrides: Mapping[tuple[str, str], Any] | None = Non
     try:
         return _study(content)
     except SettingsError as error:
-        raise SettingsError(f"study {path}: {error}") from None
+        changed = "".join(f", {section}.{key} set" for section, key in overrides or {})
+        raise SettingsError(f"study {path}{changed}: {error}") from None
+
+
+def read_override(text: str) -> tuple[tuple[str, str], Any]:
+    """What `section.key=value` overrides: section and key, and the value.
+
+    The value is read as TOML; a word that is none is taken as text, so that text needs no quotes.
+
+    Raises:
+        SettingsError: it is not of this form.
+    """
+    name, equals, value = (part.strip() for part in text.partition("="))
+    section, dot, key = name.partition(".")
+    if not (equals and dot and section and key):
+        known = [f"{section}.{key}" for section, keys in _KEYS.items() for key in keys]
+        near = difflib.get_close_matches(name, known, n=1, cutoff=0.0)[0]
+        raise SettingsError(
+            f"a setting is given as section.key=value, like {near}=..., got '{text}'"
+        )
+    try:
+        found = tomllib.loads(f"value = {value}")
+    except tomllib.TOMLDecodeError as error:
+        if value.startswith(("[", "{", '"', "'")):
+            raise SettingsError(f"the value of {name} is not TOML: {error}, got {value}") from None
+        return (section, key), value
+    # A line break would let a value set more than its own key.
+    return (section, key), found["value"] if len(found) == 1 else value
 
 
 def _study(content: Mapping[str, Any]) -> StudySettings:

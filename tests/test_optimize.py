@@ -58,6 +58,13 @@ def test_the_command_line_overrides_the_study():
     assert (settings.search.samples, settings.search.simulations, settings.seed) == (30, 50, 9)
 
 
+def test_any_setting_of_the_file_is_overridden_and_the_last_word_counts():
+    arguments = ["--set", "walk.time_limit_s=7", "--seed", "3", "--set", "study.seed = 4"]
+    settings = parse([*arguments, "--set", "study.name=my toes"]).settings()
+    assert (settings.walk.time_limit, settings.seed, settings.name) == (7.0, 4, "my toes")
+    assert parse([*arguments, "--seed", "5"]).settings().seed == 5
+
+
 @pytest.mark.parametrize(
     "arguments", [("--workers", "0"), ("--workers", "-1"), ("--workers", "two"), ("--sample", "x")]
 )
@@ -73,7 +80,15 @@ def test_the_help_names_every_option(capsys):
         main(["--help"])
     assert ended.value.code == 0
     text = capsys.readouterr().out
-    for option in ("--samples", "--simulations", "--seed", "--workers", "--out", "STUDY.toml"):
+    for option in (
+        "--set",
+        "--samples",
+        "--simulations",
+        "--seed",
+        "--workers",
+        "--out",
+        "STUDY.toml",
+    ):
         assert option in text
 
 
@@ -83,6 +98,15 @@ def test_the_help_names_every_option(capsys):
         (("--samples", "0"), "search.samples"),
         (("--samples", "50", "--simulations", "40"), "search.simulations"),
         (("--seed", "-1"), "study.seed"),
+        (("--seed", "two"), "study.seed must be a whole number >= 0, got two"),
+        (("--simulations", "4e2"), "search.simulations must be a whole number >= 1, got 400.0"),
+        (("--set", "search.batch=ten"), "search.batch must be a whole number >= 1, got ten"),
+        (("--set", "serach.batch=10"), "no section is called 'serach'; the nearest is 'search'"),
+        (("--set", "search.bach=10"), "'bach'; the nearest is 'batch'"),
+        (("--set", "samples=10"), "section.key=value, like search.samples=..., got 'samples=10'"),
+        (("--set", "search.samples"), "section.key=value, like search.samples=..."),
+        (("--set", "box.centre_deg=[[1, 2]"), "the value of box.centre_deg is not TOML"),
+        (("--set", "walk.fidelity=coarse"), "walk.fidelity must be one of"),
         (("nowhere.toml",), "nowhere.toml"),
     ],
 )

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from drake_gait.errors import SettingsError
-from drake_gait.settings import SearchSettings, read_study, study_settings
+from drake_gait.settings import SearchSettings, read_override, read_study, study_settings
 from drake_gait.walk import Fidelity
 
 MINIMAL = """
@@ -215,6 +215,45 @@ def test_an_override_of_a_section_that_the_file_lacks_is_used(read):
 
 def test_an_override_that_does_not_exist_is_refused(read):
     assert "'samples'" in refused(read, MINIMAL, {("search", "sample"): 3})
+
+
+def test_a_refused_override_is_told_beside_the_file_that_it_changes(read):
+    assert "study.toml, search.samples set: search.samples must" in refused(
+        read, MINIMAL, {("search", "samples"): 0}
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("7", 7),
+        ("-0.5", -0.5),
+        ("true", True),
+        ("[0.1, 2]", [0.1, 2]),
+        ('"text"', "text"),
+        ("reference", "reference"),
+        ("How far, and how straight?", "How far, and how straight?"),
+        ("a=b", "a=b"),
+        ("", ""),
+        ("1\nseed = 2", "1\nseed = 2"),
+    ],
+)
+def test_the_value_of_an_override_is_toml_and_else_text(text, value):
+    found = read_override(f"walk.model={text}")
+    assert found == (("walk", "model"), value)
+    assert type(found[1]) is type(value)
+
+
+@pytest.mark.parametrize("value", ["[1, 2", "{a", '"open', "'open"])
+def test_a_value_that_begins_like_toml_and_is_none_is_refused_with_its_setting(value):
+    with pytest.raises(SettingsError, match=r"the value of walk\.model is not TOML"):
+        read_override(f"walk.model={value}")
+
+
+@pytest.mark.parametrize("text", ["", "=", "samples", "samples=3", "search.=3", ".samples=3"])
+def test_an_override_without_section_and_key_is_refused_with_one_that_has_them(text):
+    with pytest.raises(SettingsError, match=r"section\.key=value, like \w+\.\w+=\.\.\."):
+        read_override(text)
 
 
 @pytest.mark.parametrize(
