@@ -5,7 +5,8 @@ same walks again, because every random number has an address (seed, purpose, ind
 is trained on the walks before its own only.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,6 +52,8 @@ class Progress:
     """Walks whose robot stayed on its feet."""
     feasible: int
     """Walks that satisfy every constraint."""
+    failures: Mapping[str, int]
+    """The other walks by what kept them from their last frame, as Walk.failure says it."""
     best: StudyWalk | None
     """The feasible walk that went furthest."""
     network: Surrogate | None
@@ -134,6 +137,7 @@ class _Run:
         self._space, self._limits = settings.space, settings.constraints
         self._study, self._evaluate, self._report = study, evaluate, report
         self._walks = {walk.id: walk for walk in study.walks()}
+        self._failures = Counter(walk.walk.failure for walk in self._walks.values())
         self._network: Surrogate | None = None
         self._improvements: dict[int, bool] = {}
 
@@ -165,6 +169,7 @@ class _Run:
             )
             self._study.add(walk)
             self._walks[walk.id] = walk
+            self._failures[walk.walk.failure] += 1
             self._report(self._progress())
 
     def is_complete(self, iteration: int) -> bool:
@@ -255,6 +260,7 @@ class _Run:
             total=self._settings.search.simulations,
             survivors=sum(walk.walk.survived for walk in walks),
             feasible=len(feasible),
+            failures={cause: number for cause, number in self._failures.items() if cause},
             best=feasible[0] if feasible else None,
             network=self._network,
         )

@@ -151,6 +151,14 @@ class Measures:
     """Largest lean of the torso from upright [rad]."""
 
 
+_CAUSES = {
+    "solver": ("solver", "the state is not finite"),
+    "worker died": ("its process died",),
+    "time limit": ("took longer than", "gave no sign for"),
+}
+"""How the reasons of walks that diverged begin, by cause."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Walk:
     """One simulated walk: the paper's quantities in SI units, from the first to the last frame."""
@@ -178,6 +186,16 @@ class Walk:
     def survived(self) -> bool:
         """Whether the robot was on its feet to the end."""
         return self.outcome is Outcome.WALKED
+
+    @property
+    def failure(self) -> str | None:
+        """What kept it from its last frame, in a word or two to count by; None if nothing did."""
+        if self.outcome is not Outcome.DIVERGED:
+            return None if self.survived else str(self.outcome)
+        for cause, beginnings in _CAUSES.items():
+            if self.reason.startswith(beginnings):
+                return cause
+        return "lost"
 
     @classmethod
     def diverged(cls, reason: str, steps: int = 0) -> "Walk":

@@ -314,6 +314,40 @@ def kept(entry, number, **changes):
     return dataclasses.replace(entry, id=number, walk=dataclasses.replace(entry.walk, **changes))
 
 
+def test_failures_are_counted_by_their_cause_over_interruptions_too(quick, study, path):
+    outcomes = {
+        0: Walk.diverged("solver: it gave up"),
+        1: Walk.diverged("its process died with exit code -6"),
+        2: Walk.diverged("gave no sign for 120 s"),
+    }
+    settings = planned(study, samples=20, simulations=20)
+    seen = []
+
+    def numbered(x):
+        return outcomes.get(len(seen)) or (fall_at(x) if len(seen) % 2 else walk_at(np.zeros(16)))
+
+    with pytest.raises(Interruption):
+        run(settings, path, Ground(study.space, numbered, stop_after=5), seen.append)
+    run(settings, path, Ground(study.space, numbered), seen.append)
+    assert [sum(told.failures.values()) + told.survivors for told in seen] == list(range(1, 21))
+    assert dict(seen[-1].failures) == {
+        **{"solver": 1, "worker died": 1, "time limit": 1},
+        "fell": sum(number % 2 for number in range(3, 20)),
+    }
+
+
+@pytest.mark.parametrize(
+    ("reason", "cause"),
+    [
+        ("the state is not finite", "solver"),
+        ("took longer than 60 s", "time limit"),
+        ("something new", "lost"),
+    ],
+)
+def test_a_walk_that_diverged_says_in_a_word_why(reason, cause):
+    assert Walk.diverged(reason).failure == cause
+
+
 def test_the_best_walk_is_the_furthest_that_is_feasible(entry):
     walks = [
         kept(entry, 0, forward=0.10),
