@@ -1,8 +1,8 @@
 """Search the gaits of a study: `python -m drake_gait.optimize [STUDY.toml]`.
 
 Without arguments it runs the paper's study. The same command again goes on with an unfinished
-study. In the study's folder it leaves study.db (every walk), result.json (the best one), walk.html
-(its recording) and figures.
+study, and a larger --simulations with a finished one. In the study's folder it leaves study.db
+(every walk), result.json (the best one), walk.html (its recording) and figures.
 """
 
 import argparse
@@ -99,7 +99,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(settings: StudySettings, folder: Path, workers: int) -> int:
     with open_study(settings, folder) as study:
         if "finished" in study.description():
-            print(f"{folder} is finished; another seed or --out starts another study")
+            print(
+                f"{folder} is finished; more --simulations go on with it, another seed or --out "
+                "starts another study"
+            )
         else:
             display = _Display(settings, len(study.walks()))
             run_study(settings, study, workers, display)

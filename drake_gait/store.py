@@ -6,15 +6,16 @@ Tables (schema 1; SI units, angles in radians, numbers as full doubles):
     walks   one row a walk  id is its place in the study; the candidate, what it did, what was
                             predicted of it, when it finished and how long it took
 
-`pandas.read_sql("select * from walks", "sqlite:///study.db")` reads all of it. The driver is the
+`pandas.DataFrame(Study.open("runs/paper").table())` has all of it, and any SQLite tool reads it;
+docs/studies.md lists the columns. The driver is the
 only writer and commits each walk as it finishes (write-ahead log, synchronous = normal): a killed
 process loses none, a power cut at most the last few.
 """
 
-import fcntl
 import json
+import os
 import sqlite3
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime
@@ -22,10 +23,12 @@ from pathlib import Path
 from typing import IO, Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drake_gait.errors import StudyError
 from drake_gait.foot import FootDesign
 from drake_gait.gait import Gait
+from drake_gait.lock import driver_lock
 from drake_gait.problem import COEFFICIENTS, Candidate
 from drake_gait.walk import Outcome, Walk
 
@@ -48,6 +51,12 @@ _NAMES = [column.split()[0] for column in _COLUMNS]
 
 _WORDS = {"study.question", "box.chosen"}
 """Settings that change no walk: a study goes on when somebody mends their wording."""
+
+_BUDGET = "search.simulations"
+"""The setting that may change in a study: its walks are the same, there are more or fewer."""
+
+_DTYPES = {"integer": np.int64, "real": np.float64, "text": np.str_}
+_MISSING = {"real": np.nan, "text": ""}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +99,7 @@ class Study:
             StudyError: it cannot be written, or another driver has it.
         """
         with ExitStack() as cleanup:
-            lock = cleanup.enter_context(_driver_lock(path))
+            lock = cleanup.enter_context(driver_lock(path))
             if path.exists():
                 raise StudyError(f"{path.parent} holds a study already; open it, or give --out")
             _write_empty(path, description)
@@ -99,17 +108,22 @@ class Study:
         return study
 
     @classmethod
-    def open(cls, path: Path, *, driver: bool = False) -> Self:
-        """Open a study file to read it, or, as its driver, to add walks.
+    def open(cls, path: str | Path, *, driver: bool = False) -> Self:
+        """Open a study to read it, or, as its driver, to add walks.
+
+        Args:
+            path: The study file, or the folder that holds it as study.db.
+            driver: Whether to add walks.
 
         Raises:
             StudyError: there is none, it is none, it is of a newer schema, or, as driver, another
                 driver has it.
         """
+        path = study_file(path)
         if not path.is_file():
             raise StudyError(f"no study file {path}; `python -m drake_gait.optimize` makes one")
         with ExitStack() as cleanup:
-            lock = cleanup.enter_context(_driver_lock(path)) if driver else None
+            lock = cleanup.enter_context(driver_lock(path)) if driver else None
             study = cls._opened(path, lock)
             cleanup.pop_all()
         return study
@@ -147,6 +161,8 @@ class Study:
     def require(self, wanted: Mapping[str, Any]) -> None:
         """Refuse to go on where the study was made with something else than `wanted`.
 
+        Another search.simulations is accepted if it has room for all walks that there are.
+
         Raises:
             StudyError: names the first setting that differs, or that the robot's file does.
         """
@@ -156,7 +172,7 @@ class Study:
             "give --out for another folder, or what the study began with",
         )
         was, now = found["settings"], wanted.get("settings", found["settings"])
-        for key in sorted((was.keys() | now.keys()) - _WORDS):
+        for key in sorted((was.keys() | now.keys()) - _WORDS - {_BUDGET}):
             if was.get(key) != now.get(key):
                 raise StudyError(
                     f"{folder} holds a study with {key} = {was.get(key)}, not {now.get(key)}; "
@@ -167,6 +183,34 @@ class Study:
                 f"{folder} holds a study of another version of {was['walk.model']}: the file has "
                 f"changed since; {cure}"
             )
+        if (used := self._budget_used()) > now.get(_BUDGET, used):
+            raise StudyError(
+                f"{folder} holds {used} walks already, more than {_BUDGET} = {now[_BUDGET]}; give "
+                f"{used} or more, or --out for another folder"
+            )
+
+    def resize(self, simulations: int) -> None:
+        """Give a study another number of walks in all; with room for more it is unfinished again.
+
+        The design of experiments and every walk stay what they are.
+        """
+        settings = self.description()["settings"]
+        if settings[_BUDGET] == simulations:
+            return
+        settings[_BUDGET] = simulations
+        with _reporting(self.path), self._connection:
+            self._connection.execute(
+                "update study set value = ? where key = 'settings'", (json.dumps(settings),)
+            )
+            self._connection.execute("delete from study where key = 'finished'")
+
+    def _budget_used(self) -> int:
+        """The smallest budget that has room for every walk."""
+        with _reporting(self.path):
+            (used,) = self._connection.execute(
+                "select ifnull(max(id), -1) + 1 from walks"
+            ).fetchone()
+        return int(used)
 
     def set(self, key: str, value: Any) -> None:
         """Keep one more value about the study, as JSON."""
@@ -194,6 +238,30 @@ class Study:
         with _reporting(self.path), self._connection:
             self._connection.execute(f"insert into walks values ({', '.join('?' * len(row))})", row)
 
+    def rows(self) -> tuple[list[str], list[tuple[Any, ...]]]:
+        """Names of all columns, and all walks so far, one tuple each, in the order of their ids."""
+        with _reporting(self.path):
+            cursor = self._connection.execute("select * from walks order by id")
+            return [column[0] for column in cursor.description], cursor.fetchall()
+
+    def table(self) -> dict[str, NDArray[Any]]:
+        """All walks so far, in the order of their ids: `pandas.DataFrame(study.table())`.
+
+        Returns:
+            Every column of the file by its name, shape (n,): whole numbers as int64, numbers as
+            float64 (nan where the file has none), text as str. Units are those of docs/studies.md.
+        """
+        names, rows = self.rows()
+        with _reporting(self.path):
+            kinds = {
+                name: kind.lower()
+                for _, name, kind, *_ in self._connection.execute("pragma table_info(walks)")
+            }
+        columns = zip(*rows, strict=True) if rows else [()] * len(names)
+        return {
+            name: _column(values, kinds[name]) for name, values in zip(names, columns, strict=True)
+        }
+
     def walks(self) -> list[StudyWalk]:
         """All walks so far, in the order of their ids."""
         with _reporting(self.path):
@@ -201,6 +269,19 @@ class Study:
                 f"select {', '.join(_NAMES)} from walks order by id"
             ).fetchall()
         return [_study_walk(dict(zip(_NAMES, row, strict=True))) for row in rows]
+
+
+def study_file(path: str | Path) -> Path:
+    """The study file that a path means: itself, or study.db in a folder."""
+    path = Path(path)
+    return path / "study.db" if path.is_dir() else path
+
+
+def _column(values: Sequence[Any], kind: str) -> NDArray[Any]:
+    if kind == "integer" and None in values:
+        kind = "real"  # No whole number stands for none.
+    filled = [_MISSING[kind] if value is None else value for value in values]
+    return np.array(filled, dtype=_DTYPES[kind])
 
 
 @contextmanager
@@ -225,10 +306,18 @@ _NO_STUDY = (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_ERROR
 
 
 def _connect(path: Path, mode: str) -> sqlite3.Connection:
+    if mode == "ro" and not os.access(path.parent, os.W_OK) and not _log(path).exists():
+        # Beside a closed study a reader makes a log of its own; where it cannot, none is needed.
+        mode = "ro&immutable=1"
     with _reporting(path):
         connection = sqlite3.connect(f"{path.resolve().as_uri()}?mode={mode}", uri=True)
         connection.execute("pragma synchronous = normal")
     return connection
+
+
+def _log(path: Path) -> Path:
+    """Where SQLite keeps what is not in the file itself yet."""
+    return path.with_name(f"{path.name}-wal")
 
 
 def _write_empty(path: Path, description: Mapping[str, Any]) -> None:
@@ -249,23 +338,6 @@ def _write_empty(path: Path, description: Mapping[str, Any]) -> None:
         beginning.replace(path)
     except OSError as error:
         raise StudyError(f"cannot write {path}: {error.strerror}") from None
-
-
-def _driver_lock(path: Path) -> IO[str]:
-    """Hold the study for this process alone; the system lets go of it if the process dies."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        lock = path.with_suffix(".lock").open("w")
-    except OSError as error:
-        raise StudyError(f"cannot write in {path.parent}: {error.strerror}") from None
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        lock.close()
-        raise StudyError(
-            f"another process is working on {path.parent}; wait for it, stop it, or give --out"
-        ) from None
-    return lock
 
 
 def _study_walk(row: dict[str, Any]) -> StudyWalk:

@@ -20,6 +20,8 @@ _STARTING_TIME = 60.0  # What a worker may need beside its walk, to import and t
 def open_study(settings: StudySettings, folder: Path) -> Study:
     """The folder's study, to start or to go on with, as its driver.
 
+    A study whose budget has grown is unfinished again.
+
     Raises:
         ModelError: the robot cannot be used; found out before anything is written.
         StudyError: the folder holds another study, or another driver has it.
@@ -35,6 +37,7 @@ def open_study(settings: StudySettings, folder: Path) -> Study:
     study = Study.open(path, driver=True)
     try:
         study.require(wanted)
+        study.resize(settings.search.simulations)
     except StudyError:
         study.close()
         raise

@@ -249,7 +249,7 @@ def test_a_finished_study_says_so_and_is_left_as_it_is(finished_run, capsys):
     ("arguments", "text"),
     [
         ((*TINY, "--seed", "1"), "study.seed = 0, not 1"),
-        (("--samples", "20", "--simulations", "30"), "search.simulations = 24, not 30"),
+        (("--samples", "20", "--simulations", "22"), "24 walks already, more than search.simul"),
         (("--samples", "21", "--simulations", "24"), "search.samples = 20, not 21"),
     ],
 )
@@ -258,6 +258,19 @@ def test_other_settings_for_a_study_s_folder_are_refused_by_name(
 ):
     folder, _ = finished_run
     assert text in refused(capsys, *arguments, "--out", folder)
+
+
+@pytest.mark.slow
+def test_a_finished_study_goes_on_with_a_larger_budget(finished_run, capsys, tmp_path):
+    folder, _ = finished_run
+    (tmp_path / "study.db").write_bytes((folder / "study.db").read_bytes())
+    larger = ("--samples", "20", "--simulations", "26", "--workers", "1")
+    assert main([*larger, "--out", str(tmp_path)]) == 0
+    assert "24 of them done before" in capsys.readouterr().out
+    walks = walks_in(tmp_path)
+    assert len(walks) == 26
+    assert walks[:24] == walks_in(folder)
+    assert json.loads((tmp_path / "result.json").read_text())["simulations"] == 26
 
 
 @pytest.mark.slow

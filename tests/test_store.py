@@ -317,6 +317,34 @@ def test_another_version_of_the_robot_is_refused_by_its_name(study):
         study.require({**DESCRIPTION, "model_sha256": "def"})
 
 
+@pytest.mark.parametrize("simulations", [4, 5, 50])
+def test_another_budget_is_accepted_while_it_has_room_for_every_walk(budgeted, simulations):
+    wanted = {**budgeted.description()["settings"], "search.simulations": simulations}
+    budgeted.require({"settings": wanted, "model_sha256": "abc"})
+    budgeted.resize(simulations)
+    description = budgeted.description()
+    assert description["settings"] == wanted
+    assert ("finished" in description) == (simulations == 5)
+    assert [walk.id for walk in budgeted.walks()] == [0, 3]
+
+
+def test_a_budget_without_room_for_a_walk_is_refused_with_the_smallest_that_has(budgeted):
+    settings = {**budgeted.description()["settings"], "search.simulations": 3}
+    with pytest.raises(StudyError, match=r"holds 4 walks already.*simulations = 3; give 4 or more"):
+        budgeted.require({"settings": settings, "model_sha256": "abc"})
+
+
+@pytest.fixture
+def budgeted(path, entry):
+    """A finished study of five walks, of which an interruption left ids 0 and 3."""
+    settings = {**DESCRIPTION["settings"], "search.simulations": 5}
+    with Study.create(path, {**DESCRIPTION, "settings": settings}) as study:
+        study.set("finished", True)
+        for number in (0, 3):
+            study.add(dataclasses.replace(entry, id=number))
+        yield study
+
+
 WRITER = """
 import dataclasses, pathlib, sys
 import numpy as np
