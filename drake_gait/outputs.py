@@ -7,20 +7,24 @@ from typing import Any
 
 import numpy as np
 
-from drake_gait import figures, surrogate
+from drake_gait import study_figures, surrogate, walk_figures
 from drake_gait.errors import StudyError
+from drake_gait.gait import FloatArray
+from drake_gait.portraits import pictures
 from drake_gait.problem import assess
-from drake_gait.recording import leg_points, record
+from drake_gait.recording import record
 from drake_gait.result import in_words, summary
+from drake_gait.robot import stall_torques
 from drake_gait.search import best_walk, training_data
+from drake_gait.sensitivity import sensitivity
 from drake_gait.settings import StudySettings
 from drake_gait.simulation import simulate
 from drake_gait.store import StudyWalk
 from drake_gait.surrogate import Surrogate
 from drake_gait.walk import Walk
 
-STALL_TORQUE = 1.373
-"""Limit drawn into the figure of torques [N·m]: 14.0 kgf·cm, KRS-2552 data."""
+FIGURES = "figures"
+"""Folder of the figures, in a study's folder; each is a PNG and an SVG."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,17 +60,13 @@ def write_outputs(
     }
     try:
         (folder / "result.json").write_text(json.dumps(result, indent=2) + "\n")
+        (folder / FIGURES).mkdir(exist_ok=True)
     except OSError as error:
-        raise StudyError(f"cannot write {folder / 'result.json'}: {error.strerror}") from None
+        raise StudyError(f"cannot write {error.filename}: {error.strerror}") from None
     _draw_walk(settings, best, replayed, folder)
-    figures.convergence(
-        [1e3 * walk.walk.forward if walk.walk.survived else np.nan for walk in walks],
-        [assess(walk.walk, settings.constraints).feasible for walk in walks],
-        folder / "convergence.png",
-        samples=settings.search.samples,
-    )
+    _draw_search(settings, walks, best, folder / FIGURES)
     if network is not None:
-        _draw_network(network, folder / "network.png")
+        _draw_network(settings, network, folder / FIGURES)
     return Outputs(result=result, best=best, replayed=replayed, network=network)
 
 
@@ -85,24 +85,64 @@ def _draw_walk(settings: StudySettings, best: StudyWalk, replayed: Walk, folder:
         return
     caption = f"{settings.name}, walk {best.id}: {in_words(best.walk)}"
     record(replayed, best.candidate, folder / "walk.html", model=model, caption=caption)
-    figures.waveforms(history, folder / "waveforms.png")
-    figures.paths(history, folder / "paths.png")
-    figures.ground_reaction(history, folder / "ground_reaction.png")
-    figures.torques(history, folder / "torques.png", STALL_TORQUE)
-    legs = leg_points(history, best.candidate, model=model)
-    figures.postures(history, legs, folder / "postures.png")
+    target = folder / FIGURES
+    walk_figures.waveforms(history, target / "waveforms")
+    walk_figures.paths(history, target / "paths")
+    walk_figures.ground_reaction(history, target / "ground_reaction")
+    walk_figures.torques(history, target / "torques", stall_torques(model))
+    frames = walk_figures.posture_frames(history)
+    seen = pictures(history, frames, best.candidate, model=model)
+    walk_figures.postures(history, seen, target / "postures")
 
 
-def _draw_network(network: Surrogate, path: Path) -> None:
+def _draw_search(
+    settings: StudySettings, walks: list[StudyWalk], best: StudyWalk, folder: Path
+) -> None:
+    """Figures of all walks."""
+    limits = settings.constraints
+    study_figures.convergence(
+        [1e3 * walk.walk.forward if walk.walk.survived else np.nan for walk in walks],
+        [assess(walk.walk, limits).feasible for walk in walks],
+        folder / "convergence",
+        samples=settings.search.samples,
+    )
+    survivors = [walk for walk in walks if walk.walk.survived]
+    if not survivors:
+        return
+    forward = [1e3 * walk.walk.forward for walk in survivors]
+    feasible = [assess(walk.walk, limits).feasible for walk in survivors]
+    study_figures.parallel_coordinates(
+        [settings.space.encode(walk.candidate) for walk in survivors],
+        forward,
+        feasible,
+        settings.space.encode(best.candidate),
+        settings.space.names,
+        folder / "coordinates",
+    )
+    costs = [walk.walk.measures.cost_of_transport if walk.walk.measures else np.nan
+             for walk in survivors]  # fmt: skip
+    if np.isfinite(costs).any():  # Studies of before had no measures.
+        study_figures.pareto(forward, costs, feasible, folder / "pareto")
+
+
+def _draw_network(settings: StudySettings, network: Surrogate, folder: Path) -> None:
+    """What the network is worth, and what it says of the coefficients."""
     units = np.array([1e3, 1e3, np.degrees(1.0), 1e3])
     shown = [("Z", "mm"), ("X", "mm"), ("R", "deg")]
     columns = slice(0, len(shown))
-    figures.predicted_against_simulated(
+    study_figures.predicted_against_simulated(
         (network.targets * units)[:, columns],
         (network.fitted * units)[:, columns],
         (network.heldout * units)[:, columns],
         network.r2_train[columns].tolist(),
         network.r2_heldout[columns].tolist(),
         shown,
-        path,
+        folder / "network",
     )
+
+    def distance(x: FloatArray) -> FloatArray:
+        forward: FloatArray = network.predict(x).mean[:, 0]
+        return forward
+
+    found = sensitivity(distance, settings.space, seed=settings.seed)
+    study_figures.sensitivity(found, folder / "sensitivity")

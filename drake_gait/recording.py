@@ -37,9 +37,6 @@ from drake_gait.walk import DEFAULT_MODEL, History, Walk
 FORCE_SCALE = 0.010
 """Length of a ground reaction arrow [m/N]: the robot's weight is 147 mm long."""
 
-LEG_POINTS = ("hip", "knee", "ankle", "heel", "ball", "big toe", "lesser toes")
-"""Pitch axes of hip, knee and ankle; rear and front edge of the heel part; tips of the toes."""
-
 # Okabe and Ito's palette, as in figures.py; right is blue and left is vermilion in both.
 _COM, _RIGHT, _LEFT = Rgba(0.0, 0.62, 0.45), Rgba(0.0, 0.45, 0.70), Rgba(0.84, 0.37, 0.0)
 _FLOOR, _FINE_LINE, _COARSE_LINE = (
@@ -97,52 +94,6 @@ def record(
         path.write_text(page, encoding="utf-8")
     except OSError as error:
         raise GaitError(f"cannot write the recording {path}: {error.strerror}") from None
-
-
-def leg_points(
-    history: History, candidate: Candidate, *, model: str | Path = DEFAULT_MODEL
-) -> FloatArray:
-    """Where the joints and edges of both legs are, for a figure of the postures.
-
-    Returns:
-        Points p_WP [m], shape (n, 2, 7, 3): frames; right and left; LEG_POINTS; x, y, z.
-
-    Raises:
-        SettingsError: another robot walked this walk.
-    """
-    builder = DiagramBuilder()
-    plant, scene_graph = add_robot(builder, model, candidate.foot, Servo())
-    _check_positions(history, plant, model)
-    inspector = scene_graph.model_inspector()
-    context = plant.CreateDefaultContext()
-
-    def end_of_plate(link: str, direction: float) -> tuple[str, Any]:
-        """The middle of the front or rear edge of a link's one box, in its frame."""
-        (geometry,) = plant.GetCollisionGeometriesForBody(plant.GetBodyByName(link))
-        box: Any = inspector.GetShape(geometry)
-        X_LG = inspector.GetPoseInFrame(geometry)
-        return link, X_LG.multiply(_vector([direction * box.width() / 2.0, 0.0, 0.0]))
-
-    places = [
-        [
-            (f"thigh_{side}", _vector([0.0, 0.0, 0.0])),
-            (f"shin_{side}", _vector([0.0, 0.0, 0.0])),
-            (f"ankle_{side}", _vector([0.0, 0.0, 0.0])),
-            end_of_plate(f"foot_{side}", -1.0),
-            end_of_plate(f"foot_{side}", 1.0),
-            end_of_plate(f"big_toe_{side}", 1.0),
-            end_of_plate(f"lesser_toes_{side}", 1.0),
-        ]
-        for side in ("r", "l")
-    ]
-    points = np.empty((len(history.positions), 2, len(LEG_POINTS), 3))
-    for frame, positions in enumerate(history.positions):
-        plant.SetPositions(context, positions)
-        for foot, leg in enumerate(places):
-            for point, (link, p_LP) in enumerate(leg):
-                X_WL = plant.EvalBodyPoseInWorld(context, plant.GetBodyByName(link))
-                points[frame, foot, point] = X_WL.multiply(p_LP)
-    return points
 
 
 def _start_meshcat() -> Meshcat:

@@ -285,3 +285,16 @@ def _springs(plant: MultibodyPlant) -> list[RevoluteSpring]:
         for index in range(plant.num_force_elements())
     )
     return [element for element in elements if isinstance(element, RevoluteSpring)]
+
+
+def stall_torques(model: str | Path = DEFAULT_MODEL) -> FloatArray:
+    """What each servo can hold [N·m], shape (10,), ordered as JOINTS: the model's effort limits.
+
+    Raises:
+        ModelError: the description cannot be used.
+    """
+    plant, _ = add_robot(DiagramBuilder(), model, FootDesign(), Servo())
+    limits: FloatArray = np.array(
+        [plant.GetJointActuatorByName(name).effort_limit() for name in JOINTS]
+    )
+    return limits

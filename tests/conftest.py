@@ -1,6 +1,7 @@
 import subprocess
 import sys
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -16,6 +17,13 @@ from drake_gait.walk import Outcome, Walk
 # A law is no race: other processes may hold the machine while an example runs.
 hypothesis_settings.register_profile("laws", deadline=None, max_examples=40)
 hypothesis_settings.load_profile("laws")
+
+
+def texts(svg: Path) -> list[str]:
+    """Every piece of text in a drawing."""
+    root = ElementTree.parse(svg).getroot()
+    found = ("".join(node.itertext()).strip() for node in root.iter() if node.tag.endswith("text"))
+    return [text for text in found if text]
 
 
 @pytest.fixture(scope="session")

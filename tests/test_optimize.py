@@ -19,11 +19,12 @@ from drake_gait.store import Study
 
 TINY = ("--samples", "20", "--simulations", "24")
 
-FILES = {
-    *("study.db", "result.json", "walk.html"),
-    *("waveforms.png", "paths.png", "convergence.png"),
-    *("postures.png", "ground_reaction.png", "torques.png"),
+FILES = {"study.db", "result.json", "walk.html", "figures"}
+FIGURES = {
+    *("waveforms", "paths", "postures", "ground_reaction", "torques"),
+    *("convergence", "coordinates"),
 }
+OF_THE_NETWORK = {"network", "sensitivity"}
 
 
 def walks_in(folder):
@@ -206,8 +207,13 @@ def test_a_study_leaves_its_files(finished_run):
     folder, _ = finished_run
     found = {path.name for path in folder.iterdir()}
     assert found >= FILES
-    assert found <= {*FILES, "network.png", "study.lock"}
-    assert all((folder / name).stat().st_size > 0 for name in FILES)
+    assert found <= {*FILES, "study.lock"}
+    drawn = {path.name for path in (folder / "figures").iterdir()}
+    endings = (".png", ".svg")
+    assert drawn >= {name + ending for name in FIGURES for ending in endings}
+    allowed = FIGURES | OF_THE_NETWORK | {"pareto"}
+    assert drawn <= {name + ending for name in allowed for ending in endings}
+    assert all(path.stat().st_size > 0 for path in folder.rglob("*") if path.name != "study.lock")
 
 
 @pytest.mark.slow
@@ -274,11 +280,11 @@ def test_a_finished_study_goes_on_with_a_larger_budget(finished_run, capsys, tmp
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["result.json", "walk.html", "paths.png"])
+@pytest.mark.parametrize("name", ["result.json", "walk.html", "figures/paths.png"])
 def test_a_result_that_cannot_be_written_is_one_line(finished_run, capsys, tmp_path, name):
     folder, _ = finished_run
     (tmp_path / "study.db").write_bytes((folder / "study.db").read_bytes())
-    (tmp_path / name).mkdir()
+    (tmp_path / name).mkdir(parents=True)
     assert name in refused(capsys, *TINY, "--out", tmp_path)
 
 

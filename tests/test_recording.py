@@ -12,7 +12,7 @@ from drake_gait import recording
 from drake_gait.errors import GaitError, SettingsError
 from drake_gait.gait import Gait
 from drake_gait.problem import Candidate
-from drake_gait.recording import LEG_POINTS, leg_points, record
+from drake_gait.recording import record
 from drake_gait.simulation import simulate
 from drake_gait.walk import Walk
 
@@ -131,21 +131,6 @@ def test_grid_lines_are_one_spacing_apart_and_fill_the_rectangle() -> None:
     across_x, across_y = (end - begin)[:2] != 0.0
     np.testing.assert_allclose(begin[0, across_y], [0.0, 0.1])
     np.testing.assert_allclose(begin[1, across_x], [-0.2, -0.1, 0.0, 0.1, 0.2, 0.3], atol=1e-12)
-
-
-def test_leg_points_are_the_links_of_the_walk(walk: Walk, candidate: Candidate) -> None:
-    assert walk.history is not None
-    points = leg_points(walk.history, candidate)
-    assert points.shape == (len(walk.history.time), 2, len(LEG_POINTS), 3)
-    hip, knee, ankle, heel, ball, big_toe, lesser_toes = np.moveaxis(points, 2, 0)
-    np.testing.assert_allclose(ankle[[0, -1]], walk.history.ankles[[0, -1]], atol=1e-6)
-    # In the leg's plane the thigh is 65 mm long, and the foot of the paper 95 and 28 mm.
-    np.testing.assert_allclose(np.linalg.norm(hip - knee, axis=2), 0.065, atol=1e-6)
-    np.testing.assert_allclose(np.linalg.norm(ball - heel, axis=2), 0.095, atol=1e-6)
-    # The robot stands on its soles, whose plates are 5 mm thick.
-    np.testing.assert_allclose(points[0, :, 3:, 2], 0.0025, atol=0.0005)
-    np.testing.assert_allclose(big_toe[0, :, 0] - ball[0, :, 0], 0.028, atol=1e-4)
-    np.testing.assert_allclose(lesser_toes[0, :, 0] - ball[0, :, 0], 0.028, atol=1e-4)
 
 
 def screenshot(page: str, target: Path, milliseconds: int) -> tuple[np.ndarray, str]:
