@@ -11,7 +11,14 @@ from drake_gait.problem import Candidate
 from drake_gait.simulation import simulate
 
 CANDIDATE = Candidate(
-    gait=Gait.from_degrees([[0.5, 2.3, 5.8, -0.4], [12.7, -13.1, 9.4, -0.6], [22.2, -2.4, 13.0, 0.2], [10, 6.2, 6.4, 0.7]])
+    gait=Gait.from_degrees(
+        [
+            [0.5, 2.3, 5.8, -0.4],
+            [12.7, -13.1, 9.4, -0.6],
+            [22.2, -2.4, 13.0, 0.2],
+            [10, 6.2, 6.4, 0.7],
+        ]
+    )
 )
 
 
