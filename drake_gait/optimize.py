@@ -9,19 +9,18 @@ import argparse
 import functools
 import os
 import sys
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from drake_gait.errors import GaitError
 from drake_gait.outputs import write_outputs
+from drake_gait.progress import display
 from drake_gait.result import in_words, manner_in_words, r_squared_line, table
-from drake_gait.search import Progress
 from drake_gait.settings import StudySettings, default_study, read_override, read_study
 from drake_gait.store import Study
 from drake_gait.study import open_study, run_study
-from drake_gait.surrogate import FEWEST_SURVIVORS, Surrogate
+from drake_gait.surrogate import FEWEST_SURVIVORS
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells have it."""
@@ -104,55 +103,10 @@ def _run(settings: StudySettings, folder: Path, workers: int) -> int:
                 "starts another study"
             )
         else:
-            display = _Display(settings, len(study.walks()))
-            run_study(settings, study, workers, display)
-            display.end()
+            with display(settings, len(study.walks())) as show:
+                run_study(settings, study, workers, show)
         _write_results(settings, study, folder)
     return 0
-
-
-class _Display:
-    """Live progress: one line that is rewritten on a terminal, a line now and then elsewhere."""
-
-    def __init__(self, settings: StudySettings, walks: int) -> None:
-        self._started = time.monotonic()
-        self._at_start = walks
-        self._terminal = sys.stdout.isatty()
-        self._network: Surrogate | None = None
-        self._next_line = 0
-        total = settings.search.simulations
-        going_on = f", {walks} of them done before" if walks else ""
-        print(f"study {settings.name}, seed {settings.seed}: {total} walks{going_on}", flush=True)
-
-    def __call__(self, progress: Progress) -> None:
-        """Show how far a search is."""
-        if progress.network is not self._network and progress.network is not None:
-            self._network = progress.network
-            self._print(f"network after {progress.walks} walks: {r_squared_line(progress.network)}")
-        if self._terminal:
-            print(f"\r\033[K{self._line(progress)}", end="", flush=True)
-        elif progress.walks >= self._next_line:
-            print(self._line(progress), flush=True)
-            self._next_line = progress.walks + max(1, progress.total // 20)
-
-    def end(self) -> None:
-        """Leave the line."""
-        if self._terminal:
-            print()
-
-    def _print(self, text: str) -> None:
-        print(f"\r\033[K{text}" if self._terminal else text, flush=True)
-
-    def _line(self, progress: Progress) -> str:
-        done = progress.walks - self._at_start
-        elapsed = time.monotonic() - self._started
-        left = (progress.total - progress.walks) * elapsed / done if done else float("nan")
-        best = f"{1e3 * progress.best.walk.forward:.1f} mm" if progress.best else "none yet"
-        minutes = f"{int(left) // 60}:{int(left) % 60:02d}" if done else "?"
-        return (
-            f"walks {progress.walks}/{progress.total}   survivors {progress.survivors}   "
-            f"feasible {progress.feasible}   best feasible {best}   time left {minutes}"
-        )
 
 
 def _write_results(settings: StudySettings, study: Study, folder: Path) -> None:
