@@ -45,7 +45,12 @@ class Observer:
         toes = [plant.GetJointByName(name) for name in TOE_HINGES]
         self._joint_positions = [joint.position_start() for joint in joints]
         self._joint_velocities = [joint.velocity_start() for joint in joints]
-        self._toe_positions = [joint.position_start() for joint in toes]
+        # Rigid toes have none: they stay at 0.
+        self._toe_positions = {
+            column: joint.position_start()
+            for column, joint in enumerate(toes)
+            if joint.num_positions()
+        }
         self._back_emf: FloatArray = np.array(
             [joint.default_damping_vector()[0] for joint in joints]
         )
@@ -106,7 +111,7 @@ class Observer:
                 "angles": positions[self._joint_positions],
                 "speeds": speeds,
                 "torques": torques,
-                "toes": positions[self._toe_positions],
+                "toes": self._toe_angles(positions),
                 "ground_reaction": self._ground_reaction(plant_context),
                 "sole_height": self._sole_heights(plant_context),
             }
@@ -155,6 +160,13 @@ class Observer:
         self._context.SetTime(context.get_time())
         plant.SetPositionsAndVelocities(self._plant_context, state)
         return self._plant_context
+
+    def _toe_angles(self, positions: FloatArray) -> FloatArray:
+        """Angles of the toes [rad], shape (4,)."""
+        angles: FloatArray = np.zeros(len(TOE_HINGES))
+        for column, index in self._toe_positions.items():
+            angles[column] = positions[index]
+        return angles
 
     def _servos(self, plant_context: Context) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Controllers' torques [N·m], speeds [rad/s] and torques on the joints, (10,) each."""

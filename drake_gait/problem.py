@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from drake_gait.errors import SettingsError
-from drake_gait.foot import DESIGN_LIMITS, DESIGN_UNITS, FootDesign
+from drake_gait.foot import DESIGN_LIMITS, DESIGN_UNITS, SEARCHED_IN_LOG, FootDesign
 from drake_gait.gait import ANGLE_LIMITS, FRAMES, TERMS, WAVEFORMS, FloatArray, Gait
 from drake_gait.walk import Walk
 
@@ -112,7 +112,7 @@ class DesignSpace:
     foot: FootDesign = field(default_factory=FootDesign)
     """The foot of every candidate, but for the fields in `foot_ranges`."""
     foot_ranges: tuple[tuple[str, float, float], ...] = ()
-    """Open fields of the foot with their smallest and largest value; searched in log."""
+    """Open fields of the foot with their smallest and largest value [SI]."""
 
     def __post_init__(self) -> None:
         for name in ("centre", "half_width"):
@@ -145,6 +145,11 @@ class DesignSpace:
                     f"range of {name} must rise and lie in {smallest:.4g} to {largest:.4g} "
                     f"{DESIGN_UNITS[name]}, got {low:.4g} to {high:.4g}"
                 )
+        if opened and self.foot.rigid_toes:
+            raise SettingsError(
+                f"{opened[0]} is open, but rigid toes have nothing to search; close it, or let "
+                "rigid_toes be false"
+            )
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -182,19 +187,26 @@ class DesignSpace:
         gait = Gait(coefficients=self.centre + self.half_width * x[:16].reshape(4, 4))
         changes = {}
         for (name, low, high), value in zip(self.foot_ranges, x[16:], strict=True):
-            log_value = np.log(low) + (value + 1.0) / 2.0 * (np.log(high) - np.log(low))
-            changes[name] = float(np.clip(np.exp(log_value), low, high))
+            lower, upper = _scaled(name, [low, high])
+            scaled = lower + (value + 1.0) / 2.0 * (upper - lower)
+            found = np.exp(scaled) if name in SEARCHED_IN_LOG else scaled
+            changes[name] = float(np.clip(found, low, high))
         values = {item.name: getattr(self.foot, item.name) for item in fields(self.foot)}
         return Candidate(gait=gait, foot=FootDesign(**{**values, **changes}))
 
     def encode(self, candidate: Candidate) -> FloatArray:
         """The design vector of a candidate, shape (d,)."""
         x = ((candidate.gait.coefficients - self.centre) / self.half_width).ravel()
-        foot = [
-            2.0 * np.log(getattr(candidate.foot, name) / low) / np.log(high / low) - 1.0
-            for name, low, high in self.foot_ranges
-        ]
-        return np.concatenate([x, foot])
+        for name, low, high in self.foot_ranges:
+            value, lower, upper = _scaled(name, [getattr(candidate.foot, name), low, high])
+            x = np.append(x, 2.0 * (value - lower) / (upper - lower) - 1.0)
+        return x
+
+
+def _scaled(name: str, values: ArrayLike) -> FloatArray:
+    """Values of a field of the foot on the scale on which it is searched."""
+    scaled: FloatArray = np.log(values) if name in SEARCHED_IN_LOG else np.asarray(values)
+    return scaled
 
 
 def _coefficient_limits() -> tuple[FloatArray, FloatArray]:

@@ -37,6 +37,7 @@ from drake_gait.foot import FootDesign
 from drake_gait.gait import JOINTS, FloatArray
 from drake_gait.gait_system import GaitSystem
 from drake_gait.servo import Servo
+from drake_gait.toes import with_toes
 from drake_gait.walk import DEFAULT_MODEL
 
 TOE_HINGES = tuple(
@@ -72,62 +73,6 @@ def model_path(model: str | Path = DEFAULT_MODEL) -> Path:
     )
 
 
-def with_toes(sdf: str, foot: FootDesign) -> str:
-    """A robot description whose toes have the widths of `foot`.
-
-    Both toes keep their outer edges, length, thickness and density; their boxes, masses and
-    inertias follow the width, and the heel part keeps its own.
-
-    Raises:
-        ModelError: a toe's link, box or inertia is missing.
-    """
-    # Drake knows its own elements by this prefix alone.
-    ElementTree.register_namespace("drake", "http://drake.mit.edu")
-    root = ElementTree.fromstring(sdf)
-    for side, inward in (("r", 1.0), ("l", -1.0)):
-        big = _toe_link(root, f"big_toe_{side}")
-        lesser = _toe_link(root, f"lesser_toes_{side}")
-        _resize_toe(big, foot.big_toe_width, inward)
-        _resize_toe(lesser, foot.lesser_toes_width, -inward)
-    return ElementTree.tostring(root, encoding="unicode")
-
-
-def _toe_link(root: ElementTree.Element, name: str) -> ElementTree.Element:
-    link = root.find(f".//link[@name='{name}']")
-    if link is None:
-        raise ModelError(f"no link '{name}'")
-    return link
-
-
-def _resize_toe(link: ElementTree.Element, width: float, fixed_edge: float) -> None:
-    """Give one toe a new width; its edge towards `fixed_edge` * y stays where it is."""
-    size = [float(value) for value in _text(link, "collision/geometry/box/size").split()]
-    shift = fixed_edge * (size[1] - width) / 2.0
-    factor = width / size[1]
-    length, _, thickness = size
-    for kind in ("visual", "collision"):
-        _find(link, f"{kind}/geometry/box/size").text = f"{length!r} {width!r} {thickness!r}"
-    for place in ("visual/pose", "collision/pose", "inertial/pose"):
-        x, y, z, *angles = (float(value) for value in _text(link, place).split())
-        _find(link, place).text = " ".join(map(repr, [x, y + shift, z, *angles]))
-    mass = float(_text(link, "inertial/mass")) * factor
-    _find(link, "inertial/mass").text = repr(mass)
-    squares = np.array([length, width, thickness]) ** 2
-    for axis, moment in zip("xyz", mass / 12.0 * (squares.sum() - squares), strict=True):
-        _find(link, f"inertial/inertia/i{axis}{axis}").text = repr(float(moment))
-
-
-def _find(link: ElementTree.Element, path: str) -> ElementTree.Element:
-    found = link.find(path)
-    if found is None:
-        raise ModelError(f"link '{link.get('name')}' has no <{path}>")
-    return found
-
-
-def _text(link: ElementTree.Element, path: str) -> str:
-    return _find(link, path).text or ""
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Robot:
     """The diagram of one robot on the ground, for any gait and any springs in its toes."""
@@ -141,10 +86,12 @@ class Robot:
     gait: GaitSystem
     """Sends the commands."""
     springs: tuple[RevoluteSpring, ...]
-    """The toes' springs, ordered as TOE_HINGES."""
+    """The toes' springs, ordered as TOE_HINGES; none where the toes are rigid."""
 
     def set_foot(self, plant_context: Context, foot: FootDesign) -> None:
-        """Put the springs and dampers of a foot into a context; its width is in the diagram."""
+        """Put the springs and dampers of a foot into a context; its shape is in the diagram."""
+        if not self.springs:
+            return
         stiffness = (foot.big_toe_stiffness, foot.lesser_toes_stiffness)
         for hinge, spring, value in zip(TOE_HINGES, self.springs, 2 * stiffness, strict=True):
             spring.SetStiffness(plant_context, value)
@@ -160,10 +107,12 @@ def add_robot(
     servo: Servo,
     *,
     time_step: float = 0.0,
+    looks: bool = True,
 ) -> tuple[MultibodyPlant, SceneGraph]:
     """Add plant and scene graph of the robot on the ground to a diagram.
 
     The plant is continuous, or, with a `time_step` [s], discrete with Drake's lagged solver.
+    Without `looks` it has the shapes that touch only.
 
     Raises:
         ModelError: the description cannot be read, or is not a biped with the joints needed.
@@ -178,7 +127,7 @@ def add_robot(
     parser.SetStrictParsing()
     parser.package_map().AddPackageXml(models_folder() / "package.xml")
     try:
-        parser.AddModelsFromString(with_toes(path.read_text(), foot), "sdf")
+        parser.AddModelsFromString(with_toes(path.read_text(), foot, looks=looks), "sdf")
     except ModelError as error:
         raise ModelError(f"{path}: {error}") from None
     except ElementTree.ParseError as error:
@@ -188,7 +137,7 @@ def add_robot(
     except RuntimeError as error:
         first_line = str(error).strip().splitlines()[0]
         raise ModelError(f"{path} is not a robot that can be used: {first_line}") from None
-    _check_joints(plant, path)
+    _check_joints(plant, path, foot)
     add_ground(plant)
     for name in JOINTS:
         # Commands stay within Table I, and a limit costs the solver a fifth of a walk's time.
@@ -201,14 +150,14 @@ def add_robot(
     return plant, scene_graph
 
 
-def _check_joints(plant: MultibodyPlant, path: Path) -> None:
+def _check_joints(plant: MultibodyPlant, path: Path, foot: FootDesign) -> None:
     present = [plant.get_joint(index).name() for index in plant.GetJointIndices()]
     for name in (*JOINTS, *TOE_HINGES):
         if name not in present:
             raise ModelError(f"no joint '{name}' in {path}; it has {', '.join(present) or 'none'}")
     sprung = {spring.joint().name() for spring in _springs(plant)}
     for name in TOE_HINGES:
-        if name not in sprung:
+        if name not in sprung and not foot.rigid_toes:
             raise ModelError(f"joint '{name}' in {path} has no spring (<spring_stiffness>)")
     actuated = [
         plant.get_joint_actuator(index).joint().name() for index in plant.GetJointActuatorIndices()
@@ -251,13 +200,13 @@ logging.getLogger("drake").addFilter(lambda record: "deformable contact" not in 
 def build_robot(
     model: str | Path, foot: FootDesign, servo: Servo, *, time_step: float = 0.0
 ) -> Robot:
-    """The diagram of a robot whose servos follow a GaitSystem.
+    """The diagram of a robot whose servos follow a GaitSystem, for walks that nobody looks at.
 
     Raises:
         ModelError: see `add_robot`.
     """
     builder = DiagramBuilder()
-    plant, scene_graph = add_robot(builder, model, foot, servo, time_step=time_step)
+    plant, scene_graph = add_robot(builder, model, foot, servo, time_step=time_step, looks=False)
     gait = GaitSystem()
     builder.AddSystem(gait)
     instance = plant.GetBodyByName("torso").model_instance()
@@ -269,7 +218,7 @@ def build_robot(
         plant=plant,
         scene_graph=scene_graph,
         gait=gait,
-        springs=_toe_springs(plant),
+        springs=() if foot.rigid_toes else _toe_springs(plant),
     )
 
 

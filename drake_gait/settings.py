@@ -42,6 +42,7 @@ _FOOT = {
     "lesser_toes_stiffness_n_mm_per_deg": ("lesser_toes_stiffness", N_MM_PER_DEG),
     "toe_damping_n_m_s_per_rad": ("toe_damping", 1.0),
     "big_toe_width_mm": ("big_toe_width", _MM),
+    "toe_length_mm": ("toe_length", _MM),
 }
 _KEYS = {
     "study": ("name", "question", "seed"),
@@ -50,7 +51,7 @@ _KEYS = {
     "constraints": tuple(_CONSTRAINTS),
     "walk": ("model", "fidelity", "time_limit_s"),
     "servo": tuple(_SERVO),
-    "foot": tuple(_FOOT),
+    "foot": (*_FOOT, "rigid_toes"),
     "design": tuple(_FOOT),
 }
 
@@ -249,7 +250,7 @@ def _study(content: Mapping[str, Any]) -> StudySettings:
         space=DesignSpace(
             centre=_degrees("centre_deg", box["centre_deg"]),
             half_width=_degrees("half_width_deg", box["half_width_deg"]),
-            foot=FootDesign(**_scaled("foot", content, _FOOT)),
+            foot=_foot(content.get("foot", {})),
             foot_ranges=_ranges(content.get("design", {})),
         ),
         chosen=box.get("chosen", ""),
@@ -286,6 +287,13 @@ def _scaled(
         table[key][0]: _number(f"{section}.{key}", value) * table[key][1]
         for key, value in content.get(section, {}).items()
     }
+
+
+def _foot(values: Mapping[str, Any]) -> FootDesign:
+    measured = {key: value for key, value in values.items() if key in _FOOT}
+    return FootDesign(
+        **_scaled("foot", {"foot": measured}, _FOOT), rigid_toes=values.get("rigid_toes", False)
+    )
 
 
 def _fidelity(value: Any) -> Fidelity:

@@ -81,26 +81,32 @@ def prepare(
     """A robot, and a context of its diagram in which it stands, about to follow `commands`."""
     stepping = settings.stepping
     time_step = stepping.step if stepping.discrete else 0.0
-    robot = _robot(settings.model, foot.big_toe_width, settings.servo, time_step)
+    robot = _robot(settings.model, foot.body, settings.servo, time_step)
     context = robot.diagram.CreateDefaultContext()
     plant_context = robot.plant.GetMyMutableContextFromRoot(context)
     robot.set_foot(plant_context, foot)
-    robot.plant.SetPositions(plant_context, _standing(settings.model, foot, settings.servo))
+    standing = _standing(settings.model, settings.servo, rigid_toes=foot.rigid_toes)
+    robot.plant.SetPositions(plant_context, standing)
     gait_context = robot.gait.GetMyMutableContextFromRoot(context)
     robot.gait.set_commands(gait_context, commands, lead=stepping.lead)
     return robot, context
 
 
 @lru_cache(maxsize=4)
-def _robot(model: str | Path, big_toe_width: float, servo: Servo, time_step: float = 0.0) -> Robot:
-    """One diagram serves every gait and every toe spring of a width."""
-    return build_robot(model, FootDesign(big_toe_width=big_toe_width), servo, time_step=time_step)
+def _robot(model: str | Path, body: FootDesign, servo: Servo, time_step: float = 0.0) -> Robot:
+    """One diagram serves every gait and every toe spring of a foot's body."""
+    return build_robot(model, body, servo, time_step=time_step)
 
 
-@lru_cache(maxsize=64)
-def _standing(model: str | Path, foot: FootDesign, servo: Servo) -> FloatArray:
-    """Positions of the robot at rest on its soles, shape (21,)."""
-    robot = _robot(model, foot.big_toe_width, servo)
+@lru_cache(maxsize=4)
+def _standing(model: str | Path, servo: Servo, *, rigid_toes: bool) -> FloatArray:
+    """Positions of the robot at rest on the paper's feet, shape (21,), or (17,) with rigid toes.
+
+    Every foot starts its walk from them: what other toes would change is a thousandth of a radian
+    in the toes themselves and microns elsewhere, and settling costs a fifth of a walk.
+    """
+    foot = FootDesign(rigid_toes=rigid_toes)
+    robot = _robot(model, foot, servo)
     context = robot.diagram.CreateDefaultContext()
     plant_context = robot.plant.GetMyMutableContextFromRoot(context)
     robot.set_foot(plant_context, foot)

@@ -1,6 +1,6 @@
 """The study file: every walk ever simulated, in one SQLite database.
 
-Tables (schema 1; SI units, angles in radians, numbers as full doubles):
+Tables (schema 2; SI units, angles in radians, numbers as full doubles):
 
     study   key, value      schema, settings, model_sha256 and versions, each as JSON
     walks   one row a walk  id is its place in the study; the candidate, what it did, what was
@@ -32,7 +32,7 @@ from drake_gait.lock import driver_lock
 from drake_gait.problem import COEFFICIENTS, Candidate
 from drake_gait.walk import Outcome, Walk
 
-SCHEMA = 1
+SCHEMA = 2
 
 _FOOT = tuple(field.name for field in fields(FootDesign))
 _WALK = ("steps", "forward", "lateral", "yaw", "com_height")
@@ -349,7 +349,7 @@ def _study_walk(row: dict[str, Any]) -> StudyWalk:
         iteration=row["iteration"],
         candidate=Candidate(
             gait=Gait(coefficients=coefficients),
-            foot=FootDesign(**{name: row[name] for name in _FOOT}),
+            foot=_foot(row),
         ),
         walk=Walk(
             outcome=Outcome(row["outcome"]),
@@ -359,3 +359,9 @@ def _study_walk(row: dict[str, Any]) -> StudyWalk:
         predicted=None if predicted["forward"] is None else predicted,
         seconds=row["seconds"],
     )
+
+
+def _foot(row: dict[str, Any]) -> FootDesign:
+    values = {name: row[name] for name in _FOOT}
+    values["rigid_toes"] = bool(values["rigid_toes"])  # SQLite has no truth values.
+    return FootDesign(**values)

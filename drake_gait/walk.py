@@ -98,7 +98,7 @@ class History:
     time: FloatArray
     """Time of each frame [s], shape (n,)."""
     positions: FloatArray
-    """Generalised positions of the plant, shape (n, 21): what a recording replays."""
+    """Positions of the plant, shape (n, 21), (n, 17) with rigid toes: what a recording replays."""
     com: FloatArray
     """Centre of mass p_WC [m], shape (n, 3)."""
     torso: FloatArray

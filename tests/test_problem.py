@@ -179,6 +179,22 @@ def test_a_foot_s_range_is_searched_in_its_logarithm(foot_space):
         assert foot_space.decode(x).foot.big_toe_stiffness == pytest.approx(stiffness, rel=1e-12)
 
 
+def test_a_size_of_the_foot_is_searched_as_it_is(space):
+    ranges = (("big_toe_width", 0.010, 0.040), ("toe_length", 0.020, 0.030))
+    opened = dataclasses.replace(space, foot_ranges=ranges)
+    for value, width, length in ((-1.0, 0.010, 0.020), (0.0, 0.025, 0.025), (0.5, 0.0325, 0.0275)):
+        foot = opened.decode(np.append(np.zeros(16), [value, value])).foot
+        assert foot.big_toe_width == pytest.approx(width, rel=1e-12)
+        assert foot.toe_length == pytest.approx(length, rel=1e-12)
+
+
+def test_rigid_toes_have_nothing_to_search(space):
+    rigid = dataclasses.replace(space, foot=FootDesign(rigid_toes=True))
+    assert rigid.decode(np.zeros(16)).foot.rigid_toes
+    with pytest.raises(SettingsError, match=r"big_toe_width is open, but rigid toes"):
+        dataclasses.replace(rigid, foot_ranges=(("big_toe_width", 0.010, 0.040),))
+
+
 def test_a_foot_s_value_never_leaves_its_range_by_rounding():
     space = DesignSpace(
         centre=np.zeros((4, 4)),
@@ -186,10 +202,11 @@ def test_a_foot_s_value_never_leaves_its_range_by_rounding():
         foot_ranges=tuple((name, *limits) for name, limits in DESIGN_LIMITS.items()),
     )
     for value in (-1.0, 1.0):
-        x = np.concatenate([np.zeros(16), np.full(4, value)])
+        x = np.concatenate([np.zeros(16), np.full(len(DESIGN_LIMITS), value)])
         column = 0 if value < 0 else 1
         found = dataclasses.asdict(space.decode(x).foot)
-        assert found == pytest.approx({name: DESIGN_LIMITS[name][column] for name in found})
+        for name, limits in DESIGN_LIMITS.items():
+            assert found[name] == pytest.approx(limits[column])
 
 
 @given(x=arrays(float, 20, elements=st.floats(-1, 1)))

@@ -64,7 +64,8 @@ def test_the_paper_s_table_ii_is_as_printed():
 def test_the_summary_has_every_key_that_is_promised(outcome):
     assert set(outcome) >= KEYS
     assert set(outcome["foot"]) == {
-        *("big_toe_stiffness", "lesser_toes_stiffness", "toe_damping", "big_toe_width")
+        *("big_toe_stiffness", "lesser_toes_stiffness", "toe_damping"),
+        *("big_toe_width", "toe_length", "rigid_toes"),
     }
 
 

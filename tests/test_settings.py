@@ -49,6 +49,7 @@ big_toe_stiffness_n_mm_per_deg = 1.0
 lesser_toes_stiffness_n_mm_per_deg = 0.5
 toe_damping_n_m_s_per_rad = 3e-4
 big_toe_width_mm = 25
+toe_length_mm = 20
 [design]
 big_toe_stiffness_n_mm_per_deg = [0.1, 2]
 toe_damping_n_m_s_per_rad = [1e-4, 1e-3]
@@ -107,6 +108,14 @@ def test_the_foot_is_written_in_the_paper_s_units(read):
     assert foot.lesser_toes_stiffness == pytest.approx(0.5 * N_MM_PER_DEG)
     assert foot.toe_damping == pytest.approx(3e-4)
     assert foot.big_toe_width == pytest.approx(0.025)
+    assert foot.toe_length == pytest.approx(0.020)
+
+
+def test_rigid_toes_are_said_in_the_foot_s_section_and_come_back(read):
+    study = read(MINIMAL + "[foot]\nrigid_toes = true")
+    assert study.space.foot.rigid_toes
+    assert study_settings(study.description()).space.foot == study.space.foot
+    assert not read(MINIMAL).space.foot.rigid_toes
 
 
 def test_design_ranges_are_written_in_the_units_of_the_foot(read):

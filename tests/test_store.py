@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from drake_gait.errors import StudyError
+from drake_gait.foot import FootDesign
 from drake_gait.store import SCHEMA, Study
 from drake_gait.walk import Outcome, Walk
 
@@ -40,6 +41,15 @@ def closed(path, entry):
         for number in range(200):
             study.add(dataclasses.replace(entry, id=number))
     return path
+
+
+def test_rigid_toes_return_as_they_were(study, path, entry):
+    feet = [FootDesign(rigid_toes=True), FootDesign(toe_length=0.1 / 7)]
+    for number, foot in enumerate(feet):
+        candidate = dataclasses.replace(entry.candidate, foot=foot)
+        study.add(dataclasses.replace(entry, id=number, candidate=candidate))
+    with Study.open(path) as again:
+        assert [walk.candidate.foot for walk in again.walks()] == feet
 
 
 def test_a_walk_returns_with_every_digit(study, path, entry):
