@@ -1,33 +1,26 @@
-"""Where walks run: in this process, or in several local ones.
+"""Where walks run: in this process, or in several local ones; `cluster` has them on other machines.
 
-A worker is expendable. One that dies (the solver is C++ and may abort it), hangs or grows is
-replaced, and only the candidate that it was walking is given up, as diverged.
+A worker is expendable. A walk whose worker died is walked once more when all others are done, by
+itself: what killed it may have been the memory that they took, or a person. Only one that dies
+again, or hangs, is given up, as diverged.
 """
 
-import os
-import signal
+import queue
 import time
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
-from contextlib import contextmanager
+from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
-from multiprocessing import get_context
-from multiprocessing.resource_tracker import ensure_running
 from typing import Protocol, Self
 
-from pebble import ProcessExpired, ProcessPool
-
-from drake_gait.errors import SettingsError, WorkerError
+from drake_gait.errors import SettingsError
 from drake_gait.problem import Candidate
 from drake_gait.walk import Walk
+from drake_gait.worker_process import WalkFunction, WorkerDiedError, WorkerProcess
 
-WalkFunction = Callable[[Candidate], Walk]
-
-_WALKS_PER_PROCESS = 1000
-"""A process is replaced after so many walks, so that its memory stays bounded."""
-
-# Two cores run two walks faster than two walks that each want two threads.
-_ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+Timed = tuple[Walk, float]
+"""What a walk did, and the time that it took its worker [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,10 +52,53 @@ class Serial:
     def run(self, candidates: Sequence[Candidate]) -> Iterator[Finished]:
         """Walk all candidates in order."""
         for index, candidate in enumerate(candidates):
-            yield _timed(self._walk, index, candidate)
+            start = time.perf_counter()
+            walk = self._walk(candidate)
+            yield Finished(index=index, walk=walk, seconds=time.perf_counter() - start)
 
 
-class LocalProcesses:
+class RemoteWorkers(ABC):
+    """Walks in other processes, each promised by a `concurrent.futures.Future`."""
+
+    def __init__(self) -> None:
+        self.deaths: Counter[str] = Counter()
+        """How workers died in the midst of a walk, and how often."""
+
+    @abstractmethod
+    def submit(self, candidate: Candidate) -> "Future[Timed]":
+        """Have a candidate walked; the future raises WorkerDiedError where its worker died."""
+
+    def run(self, candidates: Sequence[Candidate]) -> Iterator[Finished]:
+        """Walk all candidates; yield each as it finishes, in any order."""
+        pending = {self.submit(candidate): index for index, candidate in enumerate(candidates)}
+        died = []
+        try:
+            for future in as_completed(list(pending)):
+                index = pending.pop(future)
+                try:
+                    walk, seconds = future.result()
+                except WorkerDiedError as death:
+                    self.deaths[str(death)] += 1
+                    died.append(index)
+                    continue
+                yield Finished(index=index, walk=walk, seconds=seconds)
+            for index in died:
+                yield self._alone(index, candidates[index])
+        finally:
+            for future in pending:
+                future.cancel()
+
+    def _alone(self, index: int, candidate: Candidate) -> Finished:
+        """Walk a candidate whose worker died once more, with nothing beside it."""
+        try:
+            walk, seconds = self.submit(candidate).result()
+        except WorkerDiedError as death:
+            self.deaths[str(death)] += 1
+            walk, seconds = Walk.diverged(f"{death}, twice"), 0.0
+        return Finished(index=index, walk=walk, seconds=seconds)
+
+
+class LocalProcesses(RemoteWorkers):
     """Walks in processes of this machine: `with LocalProcesses(walk, count=4) as workers`.
 
     Args:
@@ -74,67 +110,30 @@ class LocalProcesses:
     def __init__(self, walk: WalkFunction, *, count: int, time_limit: float = 120.0) -> None:
         if not count >= 1:
             raise SettingsError(f"workers must be >= 1, got {count}")
-        self._walk = walk
-        self._count = count
-        self._time_limit = time_limit
-        os.environ.update(_ONE_THREAD)  # What spawned processes inherit.
-        self._pool = ProcessPool(
-            max_workers=count, max_tasks=_WALKS_PER_PROCESS, context=get_context("spawn")
-        )
-        with _interrupts_blocked():
-            started = self._pool.active
-        if not started:
-            raise WorkerError(f"cannot start {count} processes")
+        super().__init__()
+        self._processes = [WorkerProcess(walk, time_limit=time_limit) for _ in range(count)]
+        self._idle: queue.SimpleQueue[WorkerProcess] = queue.SimpleQueue()
+        for process in self._processes:
+            self._idle.put(process)
+        self._threads = ThreadPoolExecutor(count, thread_name_prefix="worker")
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, *rest: object) -> None:
-        if kind is None:
-            self._pool.close()  # type: ignore[no-untyped-call]
-        else:
-            self._pool.stop()  # type: ignore[no-untyped-call]
-        self._pool.join()
+    def __exit__(self, *exception: object) -> None:
+        for process in self._processes:
+            process.stop()
+        self._threads.shutdown(cancel_futures=True)
+        for process in self._processes:
+            process.close()
 
-    def run(self, candidates: Sequence[Candidate]) -> Iterator[Finished]:
-        """Walk all candidates; a worker's death or silence is its candidate's outcome."""
-        pending: dict[Future[Finished], int] = {
-            self._pool.schedule(
-                _timed, args=(self._walk, index, candidate), timeout=self._time_limit
-            ): index
-            for index, candidate in enumerate(candidates)
-        }
-        while pending:
-            done, _ = wait(pending, return_when=FIRST_COMPLETED)
-            for future in done:
-                yield self._finished(future, pending.pop(future))
+    def submit(self, candidate: Candidate) -> "Future[Timed]":
+        """Have the next idle process walk a candidate."""
+        return self._threads.submit(self._walk, candidate)
 
-    def _finished(self, future: "Future[Finished]", index: int) -> Finished:
+    def _walk(self, candidate: Candidate) -> Timed:
+        process = self._idle.get()
         try:
-            return future.result()
-        except ProcessExpired as death:
-            reason = f"its process died with exit code {death.exitcode}"
-            return Finished(index=index, walk=Walk.diverged(reason), seconds=0.0)
-        except TimeoutError:
-            reason = f"gave no sign for {self._time_limit:g} s"
-            return Finished(index=index, walk=Walk.diverged(reason), seconds=self._time_limit)
-
-
-@contextmanager
-def _interrupts_blocked() -> Iterator[None]:
-    """Keep Ctrl-C from what is started inside: threads and processes inherit the mask for good.
-
-    It reaches the whole process group; the driver alone decides what it means.
-    """
-    ensure_running()  # Where it does not run yet, the first process starts it and lifts the mask.
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _timed(walk: WalkFunction, index: int, candidate: Candidate) -> Finished:
-    start = time.perf_counter()
-    result = walk(candidate)
-    return Finished(index=index, walk=result, seconds=time.perf_counter() - start)
+            return process.walk(candidate)
+        finally:
+            self._idle.put(process)

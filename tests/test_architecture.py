@@ -114,7 +114,7 @@ def test_nobody_imports_all_of_drake():
 
 
 def test_the_package_depends_on_declared_libraries_only():
-    declared = {"numpy", "scipy", "torch", "pydrake", "matplotlib", "pebble", "rich", "drake_gait"}
+    declared = {"numpy", "scipy", "torch", "pydrake", "matplotlib", "rich", "drake_gait"}
     extras = {"dask", "distributed", "optuna"}
     for path in PACKAGE:
         libraries = {name.split(".")[0] for name in imports(path)} - set(sys.stdlib_module_names)

@@ -3,7 +3,6 @@
 import ctypes
 import dataclasses
 import functools
-import multiprocessing
 import os
 import pickle
 import signal
@@ -15,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drake_gait.errors import GaitError, ModelError, SettingsError
+from drake_gait.errors import GaitError, ModelError, SettingsError, WorkerError
 from drake_gait.gait import Gait
 from drake_gait.problem import Candidate
 from drake_gait.walk import Outcome, Walk
@@ -160,6 +159,7 @@ def test_a_candidate_that_kills_its_process_has_diverged_and_all_others_finish(
         assert walks[number].outcome is Outcome.DIVERGED
         assert walks[number].steps == 0
         assert reason in walks[number].reason
+        assert "twice" in walks[number].reason
     others = [number for number in range(8) if number not in (2, 5)]
     assert numbers(walks[number] for number in others) == numbers(
         expected[number] for number in others
@@ -197,57 +197,203 @@ def test_an_error_in_the_driver_ends_workers_in_the_midst_of_a_walk():
 
     with pytest.raises(RuntimeError, match="mishap"):
         drive()
-    assert multiprocessing.active_children() == []
+    assert children(os.getpid()) == set()
 
 
-def test_ctrl_c_does_not_reach_a_worker_nor_one_that_takes_its_place():
+def children(process):
+    """Ids of the living processes that a process has started."""
+    found = set()
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            state, parent = path.read_text().rpartition(")")[2].split()[:2]
+        except (FileNotFoundError, ProcessLookupError):
+            continue
+        if int(parent) == process and state != "Z":
+            found.add(int(path.parent.name))
+    return found
+
+
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_for_the_driver_reaches_no_worker_nor_one_that_takes_its_place(sent):
     # Blocked from its first instant: it must not break off while a worker still imports.
-    with LocalProcesses(blocked_or_dead, count=1, time_limit=30.0) as processes:
+    walk = functools.partial(blocked_or_dead, sent)
+    with LocalProcesses(walk, count=1, time_limit=30.0) as processes:
         walks = [one.walk for one in processes.run(candidates(3))]
     assert [walk.outcome for walk in walks].count(Outcome.DIVERGED) == 1
     assert [walk.reason for walk in walks if walk.survived] == ["True", "True"]
-    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    assert sent not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
 
 
-def blocked_or_dead(candidate):
+def blocked_or_dead(sent, candidate):
     if number_of(candidate) == 1:
         os._exit(3)
-    blocked = signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    blocked = sent in signal.pthread_sigmask(signal.SIG_BLOCK, ())
     return dataclasses.replace(stride(candidate), reason=str(blocked))
 
 
+def die_the_first_time(folder, bad, candidate):
+    """A walk that is killed from outside, as by a system that is out of memory."""
+    first = Path(folder) / str(number_of(candidate))
+    if number_of(candidate) in bad and not first.exists():
+        first.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return stride(candidate)
+
+
+def test_a_walk_whose_worker_was_killed_is_walked_again(expected, tmp_path):
+    walk = functools.partial(die_the_first_time, str(tmp_path), (2, 5, 7))
+    with LocalProcesses(walk, count=2, time_limit=30.0) as processes:
+        finished = sorted(processes.run(candidates(8)), key=lambda one: one.index)
+    assert numbers(one.walk for one in finished) == numbers(expected[:8])
+    assert processes.deaths == {"its process died with exit code -9": 3}
+
+
+def log_of_times(folder, candidate):
+    """A walk that dies if its number is even, and says from when to when it ran if not."""
+    start = time.monotonic()
+    first = Path(folder) / f"{number_of(candidate)}.first"
+    if number_of(candidate) % 2 == 0 and not first.exists():
+        first.touch()
+        os._exit(3)
+    time.sleep(0.1)
+    (Path(folder) / f"{number_of(candidate)}.times").write_text(f"{start} {time.monotonic()}")
+    return stride(candidate)
+
+
+def test_a_walk_whose_worker_died_is_walked_again_alone(tmp_path):
+    with LocalProcesses(functools.partial(log_of_times, str(tmp_path)), count=3) as processes:
+        assert len(list(processes.run(candidates(8)))) == 8
+    times = {int(path.stem): tuple(map(float, path.read_text().split()))
+             for path in tmp_path.glob("*.times")}  # fmt: skip
+    for again in (0, 2, 4, 6):
+        start, end = times.pop(again)
+        assert all(others[1] <= start or end <= others[0] for others in times.values())
+        times[again] = (start, end)
+
+
+def test_workers_killed_while_idle_are_replaced(expected):
+    with LocalProcesses(stride, count=2, time_limit=30.0) as processes:
+        for _ in range(3):
+            assert len(list(processes.run(candidates(6)))) == 6
+            for worker in children(os.getpid()):
+                os.kill(worker, signal.SIGKILL)
+            wait_for_end_of(children(os.getpid()))
+        finished = sorted(processes.run(candidates(6)), key=lambda one: one.index)
+    assert numbers(one.walk for one in finished) == numbers(expected[:6])
+    assert processes.deaths == {}
+
+
+def brief(candidate):
+    time.sleep(0.01)
+    return stride(candidate)
+
+
+def test_workers_killed_again_and_again_cost_no_walk(expected):
+    rng = np.random.default_rng(0)
+    finished, killed = [], 0
+    with LocalProcesses(brief, count=2, time_limit=30.0) as processes:
+        for one in processes.run(candidates(20) * 20):
+            finished.append(one)
+            workers = sorted(children(os.getpid()))
+            if len(finished) % 40 == 0 and workers:
+                time.sleep(rng.uniform(0.0, 0.02))  # Anywhere in a walk.
+                os.kill(workers[rng.integers(len(workers))], signal.SIGKILL)
+                killed += 1
+    finished.sort(key=lambda one: one.index)
+    assert numbers(one.walk for one in finished) == 20 * numbers(expected)
+    assert killed >= 8
+    assert 1 <= processes.deaths["its process died with exit code -9"] <= killed
+
+
+def refuse_to_load():
+    os._exit(7)
+
+
+class DeadlyToLoad:
+    def __reduce__(self):
+        return refuse_to_load, ()
+
+    def __call__(self, candidate):
+        raise AssertionError("never loaded")
+
+
+class ForeignToLoad(DeadlyToLoad):
+    def __reduce__(self):
+        return refuse, ()
+
+
+def test_workers_that_cannot_start_are_an_error_and_no_walks_that_diverged():
+    with pytest.raises(WorkerError, match="5 worker processes in a row died"):
+        run(DeadlyToLoad(), 2)
+    with pytest.raises(ModelError, match="no joint 'hip'"):
+        run(ForeignToLoad(), 2)
+
+
+class HomelyError(Exception):
+    def __init__(self, one, two):
+        super().__init__(f"{one} and {two}")
+
+
+def err_strangely():
+    raise HomelyError("this", "that")
+
+
+def test_an_error_that_cannot_be_pickled_still_says_what_it_was():
+    with pytest.raises(RuntimeError, match=r"(?s)err_strangely.*this and that"):
+        run(functools.partial(stride_or, err_strangely, (0,)), 1)
+
+
+def test_an_error_in_a_worker_tells_where_it_was_raised():
+    with pytest.raises(ZeroDivisionError) as caught:
+        run(functools.partial(stride_or, err, (0,)), 1)
+    assert "in err" in "".join(caught.value.__notes__)
+
+
 DRIVER = """
-import multiprocessing, sys
+import sys
 sys.path.insert(0, sys.argv[1])
 import test_workers
 from drake_gait.workers import LocalProcesses
 
-if __name__ == "__main__":
-    with LocalProcesses(test_workers.pause, count=2) as processes:
-        for _ in processes.run(test_workers.candidates(200)):
-            print(*(child.pid for child in multiprocessing.active_children()), flush=True)
+with LocalProcesses(getattr(test_workers, sys.argv[2]), count=2, time_limit=1e6) as processes:
+    print("started", flush=True)
+    for _ in processes.run(test_workers.candidates(200)):
+        print("walked", flush=True)
 """
 
 
-def test_workers_end_when_their_driver_is_killed(tmp_path):
+def pause_or_hang(candidate):
+    if number_of(candidate) >= 2:
+        hang_and_compute()
+    return pause(candidate)
+
+
+@pytest.mark.parametrize("walk", ["pause", "pause_or_hang"])
+def test_workers_end_when_their_driver_is_killed(tmp_path, walk):
     script = tmp_path / "driver.py"
     script.write_text(DRIVER)
     here = Path(__file__).parent
     driver = subprocess.Popen(
-        [sys.executable, script, here],
+        [sys.executable, script, here, walk],
         stdout=subprocess.PIPE,
         text=True,
         env={**os.environ, "PYTHONPATH": str(here.parent)},
     )
-    workers = {int(number) for number in driver.stdout.readline().split()}
+    for _ in range(3):
+        driver.stdout.readline()
+    workers = children(driver.pid)
+    assert len(workers) == 2
     driver.kill()
     driver.communicate()
-    assert workers
+    wait_for_end_of(workers)
+
+
+def wait_for_end_of(processes):
     for _ in range(300):
-        if not any(is_running(worker) for worker in workers):
-            break
+        if not any(is_running(process) for process in processes):
+            return
         time.sleep(0.1)
-    assert not any(is_running(worker) for worker in workers)
+    pytest.fail(f"of the processes {processes} one is left")
 
 
 def is_running(process):

@@ -1,0 +1,229 @@
+"""One expendable process that walks candidates.
+
+It shares nothing with its driver but a pipe of its own, so it may die at any instant, in C++ or by
+`kill -9`: the driver reads the end of the pipe and knows which candidate was being walked. A pool
+whose processes share a queue and its locks does not survive that.
+"""
+
+import os
+import pickle
+import select
+import signal
+import subprocess
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
+from typing import Any
+
+from drake_gait.errors import WorkerError
+from drake_gait.problem import Candidate
+from drake_gait.walk import Walk
+
+WalkFunction = Callable[[Candidate], Walk]
+
+_WALKS_PER_PROCESS = 1000
+"""A process is replaced after so many walks, so that its memory stays bounded."""
+
+_START_LIMIT = 300.0  # To import Drake from the network disk of a busy cluster [s].
+_STARTS = 5  # Some other cause than a stray kill when so many in a row fail.
+_GRACE = 10.0  # How long after its driver a process ends a walk that hangs by itself [s].
+
+# Two cores run two walks faster than two walks that each want two threads.
+_ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+
+
+class WorkerDiedError(Exception):
+    """A process died in the midst of a walk; the text says how."""
+
+
+class WorkerProcess:
+    """A process that is started when it is needed, and replaced when it died, hung or is old.
+
+    Args:
+        walk: What it runs, importable by its name (or a functools.partial of such).
+        time_limit: Wall-clock time after which a walk is given up and the process replaced [s].
+    """
+
+    def __init__(self, walk: WalkFunction, *, time_limit: float) -> None:
+        self._function = pickle.dumps(walk)
+        self._time_limit = time_limit
+        self._process: subprocess.Popen[bytes] | None = None
+        self._connection: Connection[Any, Any] | None = None
+        self._walks = 0
+        self._stopped = False
+        self._lock = threading.Lock()
+
+    def walk(self, candidate: Candidate) -> tuple[Walk, float]:
+        """Walk a candidate; returns what it did and how long it took [s].
+
+        Raises:
+            WorkerDiedError: the process died of it, or was killed.
+            WorkerError: no process can be started.
+            Exception: what the walk raised, with the worker's traceback as a note.
+        """
+        connection = self._ready()
+        self._walks += 1
+        try:
+            connection.send(candidate)
+            if not connection.poll(self._time_limit):
+                self.close()
+                reason = f"gave no sign for {self._time_limit:g} s"
+                return Walk.diverged(reason), self._time_limit
+            answer: _Answer = connection.recv()
+        except (EOFError, OSError):
+            raise WorkerDiedError(f"its process died with {self.close()}") from None
+        walk, seconds = answer.value()
+        return walk, seconds
+
+    def stop(self) -> None:
+        """Kill the process, whatever it does, and start no other; for another thread to call."""
+        with self._lock:
+            self._stopped, process = True, self._process
+        if process is not None:
+            process.kill()
+
+    def close(self) -> str:
+        """Kill the process and wait for its end; returns how it ended, in words."""
+        if self._process is None or self._connection is None:
+            return "no exit code"
+        # One that closed its pipe is about to end by itself, and its own exit code says more.
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(0.5 if self._connection.poll() else 0.0)
+        self._process.kill()
+        code = self._process.wait()
+        self._connection.close()
+        self._process = self._connection = None
+        return f"exit code {code}"
+
+    def _ready(self) -> "Connection[Any, Any]":
+        """The pipe to a process that waits for a candidate."""
+        if self._walks >= _WALKS_PER_PROCESS:
+            self.close()
+        if self._process is not None and self._process.poll() is not None:
+            self.close()  # It was killed while it had nothing to do.
+        for _ in range(_STARTS):
+            if self._connection is None:
+                self._start()
+            if self._connection is not None:
+                return self._connection
+        raise WorkerError(
+            f"{_STARTS} worker processes in a row died before their first walk; "
+            "what they wrote above says why"
+        )
+
+    def _start(self) -> None:
+        """Start a process; it may be dead again when this returns."""
+        ours, theirs = Pipe()
+        code = (
+            f"import sys; sys.path[:] = {sys.path!r}; "
+            f"from drake_gait.worker_process import serve; "
+            f"serve({theirs.fileno()}, {self._time_limit + _GRACE!r})"
+        )
+        with self._lock, theirs:
+            if self._stopped:
+                raise WorkerDiedError("its process was stopped")
+            with _signals_blocked():
+                self._process = subprocess.Popen(
+                    [sys.executable, "-c", code],
+                    stdin=subprocess.DEVNULL,
+                    env={**os.environ, **_ONE_THREAD},
+                    pass_fds=[theirs.fileno()],
+                )
+        self._connection, self._walks = ours, 0
+        try:
+            ours.send_bytes(self._function)
+            if not ours.poll(_START_LIMIT):
+                raise WorkerError(f"a worker process is not ready after {_START_LIMIT:g} s")
+            ready: _Answer = ours.recv()
+        except (EOFError, OSError):
+            self.close()
+            return
+        ready.value()
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Answer:
+    """What a function did in a worker process."""
+
+    result: Any = None
+    """What it returned."""
+    error: BaseException | None = None
+    """What it raised."""
+
+    def value(self) -> Any:
+        """The result; raises the error if there was one."""
+        if self.error is not None:
+            raise self.error
+        return self.result
+
+
+@contextmanager
+def _signals_blocked() -> Iterator[None]:
+    """Keep Ctrl-C and SIGTERM from a process that is started inside: it inherits the mask.
+
+    A terminal and a cluster send them to all processes; the driver alone decides what they mean.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def serve(descriptor: int, longest: float) -> None:
+    """What a worker process runs: walk what comes through the pipe until it closes.
+
+    Args:
+        descriptor: File descriptor of its end of the pipe.
+        longest: Time after which a walk is ended by the system, driver or not [s].
+    """
+    connection: Connection[Any, Any] = Connection(descriptor)
+    threading.Thread(target=_end_with_driver, args=(descriptor,), daemon=True).start()
+    function: WalkFunction | None = None
+
+    def load(pickled: bytes) -> None:
+        nonlocal function
+        function = pickle.loads(pickled)
+
+    def timed(candidate: Candidate) -> tuple[Walk, float]:
+        start = time.perf_counter()
+        walk = function(candidate)  # type: ignore[misc]
+        return walk, time.perf_counter() - start
+
+    with suppress(EOFError, ConnectionError):
+        connection.send(_answer(load, connection.recv_bytes()))
+        while True:
+            candidate = connection.recv()
+            # Its default action needs no Python, which may be what hangs.
+            signal.setitimer(signal.ITIMER_REAL, longest)
+            answer = _answer(timed, candidate)
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            connection.send(answer)
+
+
+def _answer(function: Callable[[Any], Any], argument: Any) -> _Answer:
+    """What a function does, in a form that survives the way through a pipe."""
+    try:
+        return _Answer(result=function(argument))
+    except BaseException as error:
+        text = traceback.format_exc()
+        error.add_note(f"In a worker process:\n{text}")
+        try:
+            pickle.loads(pickle.dumps(error))
+        except Exception:
+            return _Answer(error=RuntimeError(text))
+        return _Answer(error=error)
+
+
+def _end_with_driver(descriptor: int) -> None:
+    """End this process when its driver is gone, even in the midst of a walk."""
+    poll = select.poll()
+    poll.register(descriptor, 0)  # Reports the other end's closing, and nothing else.
+    poll.poll()
+    os._exit(1)
