@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from drake_gait.errors import GaitError
+from drake_gait.interruption import exit_status, sigterm_interrupts
 from drake_gait.outputs import write_outputs
 from drake_gait.progress import display
 from drake_gait.result import in_words, manner_in_words, r_squared_line, table
@@ -21,9 +22,6 @@ from drake_gait.settings import StudySettings, default_study, read_override, rea
 from drake_gait.store import Study
 from drake_gait.study import open_study, run_study
 from drake_gait.surrogate import FEWEST_SURVIVORS
-
-INTERRUPTED = 130
-"""Exit status after Ctrl-C, as shells have it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,15 +82,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit status."""
     options = parse(arguments)
     try:
-        settings = options.settings()
-        folder = options.out or Path("runs") / settings.name
-        return _run(settings, folder, options.workers)
+        with sigterm_interrupts():
+            settings = options.settings()
+            folder = options.out or Path("runs") / settings.name
+            return _run(settings, folder, options.workers)
     except GaitError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as interruption:
         print("\nstopped; what was simulated is safe, and the same command goes on", flush=True)
-        return INTERRUPTED
+        return exit_status(interruption)
 
 
 def _run(settings: StudySettings, folder: Path, workers: int) -> int:

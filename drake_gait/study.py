@@ -2,6 +2,7 @@
 
 import functools
 import time
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
@@ -49,7 +50,8 @@ def run_study(
 ) -> None:
     """Search an open study to its end, from wherever it stands, and mark it as finished.
 
-    Its time on the clock adds up over all runs, the interrupted ones too.
+    Its time on the clock and the deaths of its workers add up over all runs, the interrupted ones
+    too.
 
     Args:
         settings: What the study was opened with.
@@ -57,12 +59,16 @@ def run_study(
         workers: Processes that simulate.
         report: Told how far it is, after every walk.
     """
-    started, earlier = time.monotonic(), study.description().get("wall_s", 0.0)
+    started, before = time.monotonic(), study.description()
+    deaths = Counter(before.get("worker_deaths", {}))
     walk = functools.partial(simulate, settings=settings.walk)
     limit = settings.walk.time_limit + _STARTING_TIME
     try:
         with LocalProcesses(walk, count=workers, time_limit=limit) as processes:
-            search(settings, study, processes.run, report)
+            try:
+                search(settings, study, processes.run, report)
+            finally:
+                study.set("worker_deaths", deaths + processes.deaths)
     finally:
-        study.set("wall_s", earlier + time.monotonic() - started)
+        study.set("wall_s", before.get("wall_s", 0.0) + time.monotonic() - started)
     study.set("finished", True)

@@ -1,0 +1,33 @@
+"""Ctrl-C, and SIGTERM, which a cluster sends when a job's time is over, end a command alike."""
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+INTERRUPTED, TERMINATED = 130, 143
+"""Exit status after Ctrl-C and after SIGTERM, as shells have it."""
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM: what ends at Ctrl-C ends at this too."""
+
+
+@contextmanager
+def sigterm_interrupts() -> Iterator[None]:
+    """Inside, SIGTERM raises Terminated in the main thread, which is the one to call this."""
+    before = signal.signal(signal.SIGTERM, _raise_once)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
+
+
+def exit_status(interruption: KeyboardInterrupt) -> int:
+    """The status that a command ends with."""
+    return TERMINATED if isinstance(interruption, Terminated) else INTERRUPTED
+
+
+def _raise_once(number: int, frame: FrameType | None) -> None:
+    signal.signal(number, signal.SIG_IGN)  # A second one must not break off the cleaning up.
+    raise Terminated
