@@ -1,0 +1,144 @@
+"""From a first gait to a co-designed foot: `python studies/tutorial.py`, about ten minutes.
+
+Cells begin with `# %%`: an editor or Jupyter can run them one by one. docs/tutorial.md says what is
+to be seen. `--samples 28 --simulations 30` makes it a matter of a minute, and teaches nothing.
+"""
+
+# %% What this run may spend, and where it writes.
+import argparse
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from drake_gait import Candidate, FootDesign, Gait, Study, WalkSettings, assess, simulate
+from drake_gait.figures import waveforms
+from drake_gait.foot import N_MM_PER_DEG
+from drake_gait.problem import CONSTRAINT_NAMES, Constraints
+from drake_gait.recording import record
+from drake_gait.result import in_words
+from drake_gait.search import best_walk, feasible_walks, training_data
+from drake_gait.settings import default_study, study_settings
+from drake_gait.surrogate import OUTPUTS, fit
+from drake_gait.walk import Fidelity
+
+parser = argparse.ArgumentParser(description=(__doc__ or "").partition(":")[0], allow_abbrev=False)
+parser.add_argument("--out", type=Path, default=Path("runs/tutorial"), help="folder to write")
+parser.add_argument("--samples", type=int, default=120, help="walks of each Latin hypercube")
+parser.add_argument("--simulations", type=int, default=240, help="walks of each study in all")
+parser.add_argument("--seed", type=int, default=0, help="seed of both studies")
+options, _ = parser.parse_known_args()  # A notebook has arguments of its own.
+options.out.mkdir(parents=True, exist_ok=True)
+
+# %% 1. One gait. Sixteen coefficients in degrees; what comes back is in SI units.
+gait = Gait.from_degrees(
+    [  # a, b, c, d of
+        [0.5, 2.3, 5.8, -0.4],  # hip and ankle roll
+        [12.7, -13.1, 9.4, -0.6],  # hip pitch
+        [22.2, -2.4, 13.0, 0.2],  # knee
+        [10.0, 6.2, 6.4, 0.7],  # ankle pitch
+    ]
+)
+first = Candidate(gait=gait)
+walk = simulate(first, history=True)
+print(f"1. first gait: {in_words(walk)}, {walk.outcome}")
+violations = assess(walk, Constraints()).violations
+named = zip(CONSTRAINT_NAMES, violations, strict=True)
+print("   violations: " + ", ".join(f"{name} {value:.2f}" for name, value in named))
+
+# %% 2. Look at it: a recording for the browser, and what the joints did.
+if walk.history is not None:
+    record(walk, first, options.out / "first.html", caption="the tutorial's first gait")
+    waveforms(walk.history, options.out / "first_waveforms.png")
+    toes = np.degrees(walk.history.toes.max(axis=0))
+    print(f"2. {options.out}/first.html; the toes bend up to {toes.round(1)} degrees")
+
+
+# %% 3. Perturb it: every coefficient changed by a normal number of 0.05 degrees.
+def perturbed(candidate: Candidate, count: int = 8) -> str:
+    """How a candidate walks where its servos are not quite true, in words."""
+    rng = np.random.default_rng(0)
+    walks = []
+    for _ in range(count):
+        noise = 0.05 * rng.standard_normal((4, 4))
+        shaken = Gait.from_degrees(candidate.gait.degrees + noise)
+        walks.append(simulate(Candidate(gait=shaken, foot=candidate.foot)))
+    forward = [1e3 * walk.forward for walk in walks if walk.survived]
+    feasible = sum(assess(walk, Constraints()).feasible for walk in walks)
+    spread = f"Z {min(forward):.0f} to {max(forward):.0f} mm" if forward else "none walks"
+    return f"{len(forward)} of {count} survive, {feasible} feasible, {spread}"
+
+
+print(f"3. the first gait, perturbed: {perturbed(first)}")
+
+
+# %% 4. A small study: a Latin hypercube around that gait, and a search. The same as on a shell.
+def run(study: Path, folder: Path) -> None:
+    """Run a study's command; run again, it goes on where it was stopped."""
+    command = [sys.executable, "-m", "drake_gait.optimize", str(study), "--out", str(folder)]
+    for name in ("samples", "simulations", "seed"):
+        command += [f"--{name}", str(getattr(options, name))]
+    subprocess.run(command, check=True)
+
+
+run(default_study(), options.out / "gait")
+
+# %% 5. What its samples say: how many walk, and what a network learns from them.
+with Study.open(options.out / "gait" / "study.db") as study:
+    settings = study_settings(study.description()["settings"])
+    walks = study.walks()
+samples = [walk for walk in walks if walk.stage == "design"]
+feasible = feasible_walks(samples, settings.constraints)
+survived = sum(walk.walk.survived for walk in samples)
+print(f"5. of {len(samples)} samples {survived} walk, {len(feasible)} are feasible")
+network = fit(*training_data(samples, settings.space), seed=options.seed)
+for name, train, heldout in zip(OUTPUTS, network.r2_train, network.r2_heldout, strict=True):
+    print(f"   R² of {name:<10}  walks learnt from {train:5.2f}   held out {heldout:5.2f}")
+
+# %% 6. What the search made of it.
+winner = best_walk(walks, settings.constraints)
+best_sample = best_walk(samples, settings.constraints)
+print(f"6. best sample:  {in_words(best_sample.walk)}")
+print(f"   after search: {in_words(winner.walk)}")
+
+# %% 7. Open the foot: the same study, with the springs and the width of the big toe to be chosen.
+codesign = options.out / "codesign.toml"
+codesign.write_text(
+    default_study().read_text(encoding="utf-8").replace('name = "paper"', 'name = "codesign"')
+    + """
+[design]
+big_toe_stiffness_n_mm_per_deg = [0.1, 2.6]
+lesser_toes_stiffness_n_mm_per_deg = [0.05, 1.3]
+big_toe_width_mm = [14.0, 40.0]
+""",
+    encoding="utf-8",
+)
+run(codesign, options.out / "codesign")
+with Study.open(options.out / "codesign" / "study.db") as study:
+    codesigned = best_walk(study.walks(), settings.constraints)
+
+
+# %% 8. Compare: nominal, perturbed, and with an integrator that controls its errors.
+def foot_in_words(foot: FootDesign) -> str:
+    """The foot's design as people write it."""
+    return (
+        f"big toe {1e3 * foot.big_toe_width:.1f} mm and "
+        f"{foot.big_toe_stiffness / N_MM_PER_DEG:.2f} N·mm/deg, "
+        f"lesser toes {foot.lesser_toes_stiffness / N_MM_PER_DEG:.2f} N·mm/deg"
+    )
+
+
+reference = WalkSettings(fidelity=Fidelity.REFERENCE)
+print("8. compare")
+for name, candidate in (
+    ("first gait", first),
+    ("paper's foot", winner.candidate),
+    ("co-designed", codesigned.candidate),
+):
+    print(f"   {name}: {foot_in_words(candidate.foot)}")
+    print(f"      nominal    {in_words(simulate(candidate))}")
+    print(f"      perturbed  {perturbed(candidate)}")
+    fine = simulate(candidate, reference)
+    print(f"      reference  {in_words(fine)}, {fine.outcome}")
+print(f"recordings: {options.out}/first.html, gait/walk.html and codesign/walk.html")
