@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 
 from drake_gait import Candidate, FootDesign, Gait, Study, WalkSettings, assess, simulate
-from drake_gait.figures import waveforms
 from drake_gait.foot import N_MM_PER_DEG
 from drake_gait.problem import CONSTRAINT_NAMES, Constraints
 from drake_gait.recording import record
@@ -22,6 +21,7 @@ from drake_gait.search import best_walk, feasible_walks, training_data
 from drake_gait.settings import default_study, study_settings
 from drake_gait.surrogate import OUTPUTS, fit
 from drake_gait.walk import Fidelity
+from drake_gait.walk_figures import waveforms
 
 parser = argparse.ArgumentParser(description=(__doc__ or "").partition(":")[0], allow_abbrev=False)
 parser.add_argument("--out", type=Path, default=Path("runs/tutorial"), help="folder to write")

@@ -1,0 +1,152 @@
+"""What README, CONTRIBUTING and docs/ say can be done."""
+
+import argparse
+import re
+import runpy
+import shlex
+import sys
+from pathlib import Path
+
+import pytest
+
+import drake_gait
+from drake_gait.settings import read_study
+from drake_gait.store import Study, StudyWalk
+
+ROOT = Path(__file__).parents[1]
+PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
+
+SNIPPET = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
+INDENTED = re.compile(r"^    (python .*(?:\n +[\[-].*)*)", re.MULTILINE)
+INLINE = re.compile(r"`(python [^`]*)`")
+MAKE = re.compile(r"(?:^    |`)make (\w+)(?: ARGS=\"([^\"]*)\")?", re.MULTILINE)
+LINK = re.compile(r"\]\(([^)\s]+)\)")
+HEADING = re.compile(r"^#+ (.*)", re.MULTILINE)
+
+
+def name(page):
+    return str(page.relative_to(ROOT))
+
+
+def snippets():
+    return [
+        pytest.param(text, id=f"{name(page)}-{number}")
+        for page in PAGES
+        for number, text in enumerate(SNIPPET.findall(page.read_text(encoding="utf-8")))
+    ]
+
+
+def own_commands():
+    """Arguments of every command line of ours, and of each `make walk` what it hands on."""
+    found = {}
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        for line in [*INDENTED.findall(text), *INLINE.findall(text)]:
+            # Usage lines write [--option N]; several spaces part a command from its meaning.
+            command = re.split(r"(?<=\S) {3,}(?!-|\[)", re.sub(r"\n +", " ", line))[0]
+            words = shlex.split(re.sub(r"[\[\]]|\.\.\.", "", command), comments=True)[1:]
+            ours = words[0] == "-m" and words[1].startswith("drake_gait")
+            if ours or words[0].startswith(("tools/", "studies/")):
+                found.setdefault(" ".join(words), words)
+        for target, arguments in MAKE.findall(text):
+            if target == "walk" and arguments:
+                words = ["-m", "drake_gait.optimize", *shlex.split(arguments)]
+                found.setdefault(" ".join(words), words)
+    return found
+
+
+COMMANDS = own_commands()
+
+
+class AcceptedError(Exception):
+    """A parser took its command line."""
+
+
+@pytest.fixture
+def run_folder(tmp_path: Path, paper_study: Path, entry: StudyWalk, monkeypatch) -> Path:
+    """A working folder that holds what `make walk` leaves, as far as a snippet may read it."""
+    settings = read_study(paper_study)
+    study = Study.create(
+        tmp_path / "runs" / "paper" / "study.db",
+        {"settings": settings.description(), "model_sha256": "", "versions": {}},
+    )
+    with study:
+        study.add(entry)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("text", snippets())
+@pytest.mark.usefixtures("run_folder")
+def test_a_snippet_runs_as_it_stands(text):
+    exec(compile(text, "snippet", "exec"), {"__name__": "snippet"})
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_a_link_leads_somewhere(page):
+    for target in LINK.findall(page.read_text(encoding="utf-8")):
+        if re.match(r"\w+://|mailto:", target):
+            continue
+        path, _, anchor = target.partition("#")
+        file = (page.parent / path).resolve() if path else page
+        assert file.exists(), target
+        if anchor:
+            titles = HEADING.findall(file.read_text(encoding="utf-8"))
+            slugs = {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+            assert anchor in slugs, target
+
+
+@pytest.mark.parametrize("words", COMMANDS.values(), ids=COMMANDS)
+def test_a_command_line_is_accepted(words, monkeypatch):
+    take = argparse.ArgumentParser.parse_known_args
+
+    def accept(parser, arguments=None, namespace=None):
+        _, unknown = take(parser, arguments, namespace)
+        if unknown:
+            parser.error(f"unrecognized arguments: {' '.join(unknown)}")
+        raise AcceptedError
+
+    monkeypatch.setattr(argparse.ArgumentParser, "parse_known_args", accept)
+    module = words[0] == "-m"
+    file = ROOT / (words[1].replace(".", "/") + ".py" if module else words[0])
+    numbers = {"N": "1", "ID": "1"}
+    arguments = [numbers.get(word, word) for word in words[1 + module :]]
+    if not arguments:  # A text may only name the command.
+        arguments = ["--help"]
+    monkeypatch.setattr(sys, "argv", [str(file), *arguments])
+    monkeypatch.syspath_prepend(str(file.parent))
+    with pytest.raises((AcceptedError, SystemExit)) as end:
+        runpy.run_path(str(file), run_name="__main__")
+    assert end.type is AcceptedError or end.value.code == 0
+
+
+def test_the_commands_of_the_pages_are_found():
+    # The law above would hold of pages without commands.
+    found = " ".join(COMMANDS)
+    for known in ("-m drake_gait.optimize", "-m drake_gait.replay", "tools/bench_walk.py"):
+        assert known in found
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_make_has_the_targets_that_are_named(page):
+    known = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    for target, _ in MAKE.findall(page.read_text(encoding="utf-8")):
+        assert target in known
+
+
+def test_the_api_lists_what_the_package_exports():
+    listed = re.findall(r"`(\w+) <drake_gait\.", (ROOT / "docs/api/index.md").read_text())
+    assert sorted(listed) == sorted(drake_gait.__all__)
+
+
+@pytest.mark.slow
+def test_the_tutorial_runs_to_its_end(tmp_path, monkeypatch, capfd):
+    script = ROOT / "studies" / "tutorial.py"
+    budget = ["--samples", "28", "--simulations", "30", "--out", str(tmp_path / "tutorial")]
+    monkeypatch.setattr(sys, "argv", [str(script), *budget])
+    runpy.run_path(str(script), run_name="__main__")
+    printed = capfd.readouterr().out
+    for step in range(1, 9):
+        assert step == 4 or f"\n{step}. " in f"\n{printed}"
+    for written in ("first.html", "gait/result.json", "codesign/walk.html"):
+        assert (tmp_path / "tutorial" / written).is_file()
