@@ -43,11 +43,17 @@ def own_commands():
         text = page.read_text(encoding="utf-8")
         for line in [*INDENTED.findall(text), *INLINE.findall(text)]:
             # Usage lines write [--option N]; several spaces part a command from its meaning.
-            command = re.split(r"(?<=\S) {3,}(?!-|\[)", re.sub(r"\n +", " ", line))[0]
+            command = re.split(r"(?<=\S) {3,}(?!-|\[)", re.sub(r"(?: \\)?\n +", " ", line))[0]
             words = shlex.split(re.sub(r"[\[\]]|\.\.\.", "", command), comments=True)[1:]
             ours = words[0] == "-m" and words[1].startswith("drake_gait")
             if ours or words[0].startswith(("tools/", "studies/")):
-                found.setdefault(" ".join(words), words)
+                # A choice a|b, or a bare name, is a mention; --help shows that there is such a one.
+                *first, last = words
+                choices = last.split("|") if "|" in last else [last]
+                bare = "|" in last or len(words) == 1 + ours
+                for choice in choices:
+                    mentioned = [*first, choice, *["--help"] * bare]
+                    found.setdefault(" ".join(mentioned), mentioned)
         for target, arguments in MAKE.findall(text):
             if target == "walk" and arguments:
                 words = ["-m", "drake_gait.optimize", *shlex.split(arguments)]
@@ -111,8 +117,6 @@ def test_a_command_line_is_accepted(words, monkeypatch):
     file = ROOT / (words[1].replace(".", "/") + ".py" if module else words[0])
     numbers = {"N": "1", "ID": "1"}
     arguments = [numbers.get(word, word) for word in words[1 + module :]]
-    if not arguments:  # A text may only name the command.
-        arguments = ["--help"]
     monkeypatch.setattr(sys, "argv", [str(file), *arguments])
     monkeypatch.syspath_prepend(str(file.parent))
     with pytest.raises((AcceptedError, SystemExit)) as end:
