@@ -15,10 +15,21 @@ def desired_state(commands: FloatArray, time: float) -> FloatArray:
     Angles are linear between the frames of `commands`, shape (n, 10), and held after the last one.
     Rates are zero, because a servo is sent positions only (see `servo.Servo`).
     """
-    frame = min(int(time / FRAME_TIME), len(commands) - 2)
+    return _between_frames(_with_rates(commands), time)
+
+
+def _with_rates(commands: FloatArray) -> FloatArray:
+    """Commands followed by zero rates, shape (n, 20)."""
+    return np.hstack([commands, np.zeros_like(commands)])
+
+
+def _between_frames(states: FloatArray, time: float) -> FloatArray:
+    """Rows of `states`, shape (n, k), interpolated at `time` [s]: shape (k,)."""
+    frame = min(int(time / FRAME_TIME), len(states) - 2)
     progress = min(time / FRAME_TIME - frame, 1.0)
-    angles = commands[frame] + progress * (commands[frame + 1] - commands[frame])
-    return np.concatenate([angles, np.zeros_like(angles)])
+    start = states[frame]
+    state: FloatArray = start + progress * (states[frame + 1] - start)
+    return state
 
 
 class GaitSystem(LeafSystem):
@@ -35,10 +46,9 @@ class GaitSystem(LeafSystem):
     def __init__(self) -> None:
         super().__init__()
         self.set_name("gait")
-        standing = np.zeros((FRAMES + 1, len(JOINTS)))
-        self._commands = self.DeclareAbstractParameter(AbstractValue.Make(standing))
-        no_lead: FloatArray = np.zeros(1)
-        self._lead = self.DeclareNumericParameter(BasicVector(no_lead))
+        # One parameter and full rows: this port is asked in every step of a walk.
+        standing = np.zeros((FRAMES + 1, 2 * len(JOINTS))), 0.0
+        self._sent = self.DeclareAbstractParameter(AbstractValue.Make(standing))
         self.DeclareVectorOutputPort("desired_state", 2 * len(JOINTS), self._calc_desired_state)
 
     def set_commands(self, context: Context, commands: FloatArray, *, lead: float = 0.0) -> None:
@@ -49,11 +59,10 @@ class GaitSystem(LeafSystem):
             commands: Joint angles [rad], shape (n, 10), one row a frame.
             lead: How far ahead they are read [s], see `walk.Integrator.lead`.
         """
-        value = AbstractValue.Make(np.array(commands, dtype=float))
-        context.get_mutable_abstract_parameter(self._commands).SetFrom(value)
-        context.get_mutable_numeric_parameter(self._lead).SetAtIndex(0, lead)
+        value = AbstractValue.Make((_with_rates(np.asarray(commands, dtype=float)), lead))
+        context.get_mutable_abstract_parameter(self._sent).SetFrom(value)
 
     def _calc_desired_state(self, context: Context, output: BasicVector) -> None:
-        parameter: Any = context.get_abstract_parameter(self._commands)
-        lead = context.get_numeric_parameter(self._lead).GetAtIndex(0)
-        output.SetFromVector(desired_state(parameter.get_value(), context.get_time() + lead))
+        parameter: Any = context.get_abstract_parameter(self._sent)
+        states, lead = parameter.get_value()
+        output.SetFromVector(_between_frames(states, context.get_time() + lead))
