@@ -7,10 +7,13 @@ right is blue and left is vermilion everywhere. `walk_figures` and `study_figure
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.image import imsave
 
 from drake_gait.errors import GaitError, SettingsError
+from drake_gait.rendering import Picture
 
 COLUMN = 3.5
 """Width of a figure of one column [inch]."""
@@ -20,6 +23,9 @@ PNG_RESOLUTION = 200
 """Dots per inch of a PNG."""
 FORMATS = (".png", ".svg")
 """What a figure is written as when its path names no format."""
+
+# Without a date or a version inside, the same data give the same file.
+_NAMELESS: dict[str, Any] = {".svg": {"Date": None}, ".png": {"Software": None}}
 
 # Okabe and Ito's palette.
 BLUE, VERMILION, GREEN = "#0072b2", "#d55e00", "#009e73"
@@ -78,12 +84,21 @@ def save_figure(figure: Figure, path: Path) -> None:
         GaitError: the file cannot be written.
     """
     for file in [path] if path.suffix else [path.with_suffix(ending) for ending in FORMATS]:
-        # Without a date or a version inside, the same data give the same file.
-        nameless = {"Date": None} if file.suffix == ".svg" else {"Software": None}
-        metadata = nameless if file.suffix in FORMATS else None
         try:
-            figure.savefig(file, dpi=PNG_RESOLUTION, metadata=metadata)
+            figure.savefig(file, dpi=PNG_RESOLUTION, metadata=_NAMELESS.get(file.suffix))
         except OSError as error:
             raise GaitError(f"cannot write the figure {file}: {error.strerror}") from None
         except ValueError as error:
             raise SettingsError(f"cannot write the figure {file}: {error}") from None
+
+
+def save_picture(picture: Picture, path: Path) -> None:
+    """Write a picture by itself, without axes, as a PNG.
+
+    Raises:
+        GaitError: the file cannot be written.
+    """
+    try:
+        imsave(path, np.clip(picture.pixels, 0.0, 1.0), metadata=_NAMELESS[".png"])
+    except OSError as error:
+        raise GaitError(f"cannot write the picture {path}: {error.strerror}") from None

@@ -2,7 +2,7 @@
 
 Without arguments it runs the paper's study. The same command again goes on with an unfinished
 study, and a larger --simulations with a finished one. In the study's folder it leaves study.db
-(every walk), result.json (the best one), walk.html (its recording) and figures.
+(every walk), report.html (what came out), result.json, walk.html (a recording) and figures.
 """
 
 import argparse
@@ -125,7 +125,7 @@ def _write_results(settings: StudySettings, study: Study, folder: Path) -> None:
     print(f"{verdict}: {in_words(written.best.walk)}")
     if written.replayed.measures is not None:
         print(f"how it walks: {manner_in_words(written.replayed.measures)}")
-    print(f"{folder}: result.json, walk.html, study.db, figures")
+    print(f"{folder}: report.html, result.json, walk.html, study.db, figures")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What a study leaves in its folder beside study.db: result.json, the recording, the figures."""
+"""What a study leaves in its folder beside study.db: its report and all that is in it."""
 
 import json
 from dataclasses import asdict, dataclass
@@ -9,10 +9,12 @@ import numpy as np
 
 from drake_gait import study_figures, surrogate, walk_figures
 from drake_gait.errors import StudyError
+from drake_gait.figures import save_picture
 from drake_gait.gait import FloatArray
-from drake_gait.portraits import pictures
+from drake_gait.portraits import chronophotograph, pictures
 from drake_gait.problem import assess
 from drake_gait.recording import record
+from drake_gait.report_page import FIGURES, PORTRAIT, Run, write_study_page
 from drake_gait.result import in_words, summary
 from drake_gait.robot import stall_torques
 from drake_gait.search import best_walk, training_data
@@ -21,10 +23,10 @@ from drake_gait.settings import StudySettings
 from drake_gait.simulation import simulate
 from drake_gait.store import StudyWalk
 from drake_gait.surrogate import Surrogate
-from drake_gait.walk import Walk
+from drake_gait.walk import History, Walk
 
-FIGURES = "figures"
-"""Folder of the figures, in a study's folder; each is a PNG and an SVG."""
+_ROOM = 0.17  # from one exposure of a portrait to the next [m]
+_MOST_EXPOSURES = 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +46,7 @@ class Outputs:
 def write_outputs(
     settings: StudySettings, walks: list[StudyWalk], folder: Path, *, wall_s: float
 ) -> Outputs:
-    """Write result.json, walk.html and the figures of a study's walks into its folder.
+    """Write result.json, walk.html, the figures and report.html of a study's walks into its folder.
 
     Raises:
         GaitError: a file cannot be written.
@@ -67,6 +69,8 @@ def write_outputs(
     _draw_search(settings, walks, best, folder / FIGURES)
     if network is not None:
         _draw_network(settings, network, folder / FIGURES)
+    run = Run(folder=folder, settings=settings, result=result, walks=walks)
+    write_study_page(run, folder / "report.html")
     return Outputs(result=result, best=best, replayed=replayed, network=network)
 
 
@@ -93,6 +97,16 @@ def _draw_walk(settings: StudySettings, best: StudyWalk, replayed: Walk, folder:
     frames = walk_figures.posture_frames(history)
     seen = pictures(history, frames, best.candidate, model=model)
     walk_figures.postures(history, seen, target / "postures")
+    together = chronophotograph(history, _apart(history), best.candidate, model=model)
+    save_picture(together, target / PORTRAIT)
+
+
+def _apart(history: History) -> list[int]:
+    """Frames, from first to last, in which the robot does not stand in its own way."""
+    travelled = np.hypot(*(history.com[:, :2] - history.com[0, :2]).T)
+    count = min(1 + int(travelled.max() / _ROOM), _MOST_EXPOSURES)
+    places = np.linspace(0.0, travelled[-1], count)
+    return [int(np.argmax(travelled >= place)) for place in places]
 
 
 def _draw_search(

@@ -13,7 +13,7 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_gait.errors import SettingsError
 from drake_gait.gait import FloatArray
 from drake_gait.problem import Candidate
-from drake_gait.rendering import FROM_THE_RIGHT, Direction, Picture, render
+from drake_gait.rendering import FROM_AHEAD, FROM_THE_RIGHT, Direction, Picture, render
 from drake_gait.robot import add_robot
 from drake_gait.servo import Servo
 from drake_gait.walk import DEFAULT_MODEL, History
@@ -52,6 +52,36 @@ def pictures(
     Raises:
         SettingsError: another robot walked this walk, or the direction is vertical.
     """
+    return [
+        render(corners, colours, towards)
+        for corners, colours in _solids(history, frames, candidate, model)
+    ]
+
+
+def chronophotograph(
+    history: History,
+    frames: Sequence[int],
+    candidate: Candidate,
+    *,
+    model: str | Path = DEFAULT_MODEL,
+    towards: Direction = FROM_AHEAD,
+) -> Picture:
+    """The robot at some frames of a walk, in one picture, as Marey photographed walkers.
+
+    Takes what `pictures` takes, and raises what it raises.
+    """
+    solids = [
+        (part, colour)
+        for corners, colours in _solids(history, frames, candidate, model)
+        for part, colour in zip(corners, colours, strict=True)
+    ]
+    return render([part for part, _ in solids], [colour for _, colour in solids], towards)
+
+
+def _solids(
+    history: History, frames: Sequence[int], candidate: Candidate, model: str | Path
+) -> Iterator[tuple[list[FloatArray], list[FloatArray]]]:
+    """Triangles (n, 3, 3) [m] in the world, and colours, of every part at every frame."""
     builder = DiagramBuilder()
     plant, scene_graph = add_robot(builder, model, candidate.foot, Servo())
     if history.positions.shape[1] != plant.num_positions():
@@ -61,7 +91,6 @@ def pictures(
         )
     parts = list(_parts(plant, scene_graph.model_inspector()))
     context = plant.CreateDefaultContext()
-    found = []
     for frame in frames:
         plant.SetPositions(context, history.positions[frame])
         corners = []
@@ -69,8 +98,7 @@ def pictures(
             X_WL = plant.EvalBodyPoseInWorld(context, part.link)
             p_WC = part.triangles @ X_WL.rotation().matrix().T + X_WL.translation()
             corners.append(p_WC)
-        found.append(render(corners, [part.colour for part in parts], towards))
-    return found
+        yield corners, [part.colour for part in parts]
 
 
 def _parts(plant: MultibodyPlant, inspector: SceneGraphInspector) -> Iterator[_Part]:

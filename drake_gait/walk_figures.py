@@ -180,7 +180,8 @@ def postures(history: History, pictures: Sequence[Picture], path: Path) -> None:
             foot = int(np.argmax(history.toes[frame].reshape(2, 2).max(axis=1)))
             begin = 1e3 * (history.ankles[frame, foot, 0] - centre) - 30.0
             toes.set(xlim=(begin, begin + 132.5), ylim=(-9.0, 46.0), yticks=(0.0, 25.0))
-            big, lesser = np.degrees(history.toes[frame, 2 * foot : 2 * foot + 2])
+            # Adding zero makes a plain one of minus zero.
+            big, lesser = np.round(np.degrees(history.toes[frame, 2 * foot : 2 * foot + 2])) + 0.0
             toes.set_title(f"{SIDES[foot][0]} toes {big:.0f}° and {lesser:.0f}°", fontsize=7.0)
         rows[0, 0].set_ylabel("height [mm]")
         rows[1, 0].set_ylabel("toes [mm]")

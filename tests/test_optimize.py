@@ -19,7 +19,7 @@ from drake_gait.store import Study
 
 TINY = ("--samples", "20", "--simulations", "24")
 
-FILES = {"study.db", "result.json", "walk.html", "figures"}
+FILES = {"study.db", "result.json", "report.html", "walk.html", "figures"}
 FIGURES = {
     *("waveforms", "paths", "postures", "ground_reaction", "torques"),
     *("convergence", "coordinates"),
@@ -211,7 +211,7 @@ def test_a_study_leaves_its_files(finished_run):
     drawn = {path.name for path in (folder / "figures").iterdir()}
     endings = (".png", ".svg")
     assert drawn >= {name + ending for name in FIGURES for ending in endings}
-    allowed = FIGURES | OF_THE_NETWORK | {"pareto"}
+    allowed = FIGURES | OF_THE_NETWORK | {"pareto", "portrait"}
     assert drawn <= {name + ending for name in allowed for ending in endings}
     assert all(path.stat().st_size > 0 for path in folder.rglob("*") if path.name != "study.lock")
 
@@ -280,7 +280,7 @@ def test_a_finished_study_goes_on_with_a_larger_budget(finished_run, capsys, tmp
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["result.json", "walk.html", "figures/paths.png"])
+@pytest.mark.parametrize("name", ["result.json", "report.html", "walk.html", "figures/paths.png"])
 def test_a_result_that_cannot_be_written_is_one_line(finished_run, capsys, tmp_path, name):
     folder, _ = finished_run
     (tmp_path / "study.db").write_bytes((folder / "study.db").read_bytes())

@@ -1,0 +1,63 @@
+"""A page in a real browser, opened from disk with the network off."""
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+from playwright.sync_api import Page, sync_playwright
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+
+in_a_browser = pytest.mark.skipif(CHROMIUM is None, reason="needs chromium on the PATH")
+
+
+@dataclass
+class Opened:
+    """A page, and what it said and asked for since it was opened."""
+
+    page: Page
+    complaints: list[str] = field(default_factory=list)
+    requests: list[str] = field(default_factory=list)
+
+    def shot(self, **clip: float) -> np.ndarray:
+        """What is seen of it: red, green, blue, 0 to 1, shape (rows, columns, 3)."""
+        area = {"clip": clip} if clip else {}
+        return imread(BytesIO(self.page.screenshot(**area)), format="png")[..., :3]
+
+
+@contextmanager
+def opened(
+    address: str, *, width: int = 1000, height: int = 700, scheme: str = "light",
+    offline: bool = True,
+) -> Iterator[Opened]:  # fmt: skip
+    """A page in Chromium."""
+    with sync_playwright() as playwright:
+        arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=arguments)
+        context = browser.new_context(
+            offline=offline, viewport={"width": width, "height": height}, color_scheme=scheme
+        )
+        seen = Opened(context.new_page())
+        seen.page.on("console", lambda message: seen.complaints.append(message.text))
+        seen.page.on("pageerror", lambda error: seen.complaints.append(str(error)))
+        inside = ("data:", "blob:", "about:")
+        seen.page.on(
+            "request",
+            lambda request: (
+                None if request.url.startswith(inside) else seen.requests.append(request.url)
+            ),
+        )
+        seen.page.goto(address)
+        yield seen
+        browser.close()
+
+
+def address(path: Path) -> str:
+    """The address of a file."""
+    return path.resolve().as_uri()
