@@ -1,10 +1,10 @@
 """A study as an Optuna study: for its dashboard, its plots and its importances.
 
-A trial is a walk. Its parameters are the open design variables, its value is the distance walked
-forward, its constraints are the scaled violations (Optuna: feasible at or below 0), and every
-other column of the study file is a user attribute; SI units, names as in the study file. A fall is
-a pruned trial, which reports its distance at the frame where it ended; what could not be simulated
-is a failed one.
+A trial is a walk. Its parameters are the open design variables, its value is what the study
+maximises (the distance walked forward), its constraints are the scaled violations of Eqs. 11-14,
+in this order (Optuna: feasible at or below 0), and every other column of the study file is a user
+attribute; SI units, names as in the study file. A fall is a pruned trial, which reports its value
+at the frame where it ended; what could not be simulated is a failed one.
 """
 
 import math
@@ -20,7 +20,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from drake_gait.errors import StudyError
 from drake_gait.foot import SEARCHED_IN_LOG
-from drake_gait.problem import COEFFICIENTS, CONSTRAINT_NAMES, DesignSpace, assess
+from drake_gait.problem import COEFFICIENTS, DesignSpace, assess
 from drake_gait.settings import StudySettings, study_settings
 from drake_gait.store import Study, StudyWalk
 from drake_gait.walk import Outcome
@@ -85,7 +85,6 @@ def _claim(goal: optuna.Study, description: Mapping[str, Any], url: str) -> None
     if not found and not goal.get_trials(deepcopy=False):
         for key, value in ours.items():
             goal.set_user_attr(key, value)
-        goal.set_user_attr("constraints", CONSTRAINT_NAMES)
         goal.set_user_attr("versions", description.get("versions"))
         return
     if any(found.get(key) != value for key, value in ours.items()):
@@ -125,19 +124,19 @@ def _trial(
 ) -> FrozenTrial:
     state = _STATES[walk.walk.outcome]
     simulated = state is not TrialState.FAIL
-    violations = assess(walk.walk, settings.constraints).violations.tolist()
+    assessment = assess(walk.walk, settings.constraints)
     trial = create_trial(
         state=state,
-        value=walk.walk.forward if state is TrialState.COMPLETE else None,
+        value=-assessment.objective if state is TrialState.COMPLETE else None,
         params={name: columns[name] for name in ranges},
         distributions=dict(ranges),
-        intermediate_values={walk.walk.steps: walk.walk.forward} if simulated else {},
+        intermediate_values={walk.walk.steps: -assessment.objective} if simulated else {},
         user_attrs={
             name: _readable(value)
             for name, value in columns.items()
             if name not in ranges and value is not None
         },
-        system_attrs={_CONSTRAINTS: violations} if simulated else {},
+        system_attrs={_CONSTRAINTS: assessment.violations.tolist()} if simulated else {},
     )
     # Optuna's times are local ones without a zone.
     finished = datetime.fromisoformat(columns["finished"]).astimezone().replace(tzinfo=None)

@@ -7,9 +7,9 @@ Tables (schema 2; SI units, angles in radians, numbers as full doubles):
                             predicted of it, when it finished and how long it took
 
 `pandas.DataFrame(Study.open("runs/paper").table())` has all of it, and any SQLite tool reads it;
-docs/studies.md lists the columns. The driver is the
-only writer and commits each walk as it finishes (write-ahead log, synchronous = normal): a killed
-process loses none, a power cut at most the last few.
+docs/studies.md lists the columns. The driver is the only writer and commits each walk as it
+finishes (write-ahead log, synchronous = normal): a killed process loses none, a power cut at most
+the last few.
 """
 
 import json
@@ -208,7 +208,7 @@ class Study:
         """The smallest budget that has room for every walk."""
         with _reporting(self.path):
             (used,) = self._connection.execute(
-                "select ifnull(max(id), -1) + 1 from walks"
+                "select ifnull(max(id), -1) + 1 from walks where stage != 'confirmation'"
             ).fetchone()
         return int(used)
 
