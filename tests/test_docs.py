@@ -42,9 +42,10 @@ def own_commands():
     for page in PAGES:
         text = page.read_text(encoding="utf-8")
         for line in [*INDENTED.findall(text), *INLINE.findall(text)]:
-            # Usage lines write [--option N]; several spaces part a command from its meaning.
-            command = re.split(r"(?<=\S) {3,}(?!-|\[)", re.sub(r"(?: \\)?\n +", " ", line))[0]
-            words = shlex.split(re.sub(r"[\[\]]|\.\.\.", "", command), comments=True)[1:]
+            # Usage lines write [--option N] and --this | --that; several spaces part a command
+            # from its meaning.
+            command = re.split(r"(?<=\S) {3,}(?!-|\[)| \| ", re.sub(r"(?: \\)?\n +", " ", line))[0]
+            words = shlex.split(re.sub(r"[\[\]()]|\.\.\.", "", command), comments=True)[1:]
             ours = words[0] == "-m" and words[1].startswith("drake_gait")
             if ours or words[0].startswith(("tools/", "studies/")):
                 # A choice a|b, or a bare name, is a mention; --help shows that there is such a one.
