@@ -17,7 +17,7 @@ from drake_gait.errors import GaitError
 from drake_gait.interruption import exit_status, sigterm_interrupts
 from drake_gait.outputs import write_outputs
 from drake_gait.progress import display
-from drake_gait.result import in_words, manner_in_words, r_squared_line, table
+from drake_gait.result import in_words, manner_in_words, r_squared_line, robust_table, table
 from drake_gait.settings import StudySettings, default_study, read_override, read_study
 from drake_gait.store import Study
 from drake_gait.study import open_study, run_study
@@ -120,6 +120,7 @@ def _write_results(settings: StudySettings, study: Study, folder: Path) -> None:
             f"needs {FEWEST_SURVIVORS}; move the box to gaits that walk, or draw more samples"
         )
     print(f"\n{table(walks, settings.constraints)}\n")
+    print(f"walked again, with noise and other friction:\n{robust_table(settings, walks)}\n")
     feasible = written.result["feasible"]
     verdict = "best feasible walk" if feasible else "no feasible walk; the nearest"
     print(f"{verdict}: {in_words(written.best.walk)}")

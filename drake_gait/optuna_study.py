@@ -20,9 +20,10 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from drake_gait.errors import StudyError
 from drake_gait.foot import SEARCHED_IN_LOG
-from drake_gait.problem import COEFFICIENTS, DesignSpace, assess
+from drake_gait.problem import COEFFICIENTS, DesignSpace
+from drake_gait.records import CONFIRMATIONS, StudyWalk
 from drake_gait.settings import StudySettings, study_settings
-from drake_gait.store import Study, StudyWalk
+from drake_gait.store import Study
 from drake_gait.walk import Outcome
 
 _STATES = {
@@ -54,7 +55,8 @@ def export_to_optuna(study: Study, url: str, name: str) -> tuple[int, int]:
     Raises:
         StudyError: the database cannot be used, or has another study of this name.
     """
-    description, walks = study.description(), study.walks()
+    description = study.description()
+    walks = [walk for walk in study.walks() if walk.id < CONFIRMATIONS]
     settings = study_settings(description["settings"])
     names, rows = study.rows()
     columns = {row[names.index("id")]: dict(zip(names, row, strict=True)) for row in rows}
@@ -124,7 +126,7 @@ def _trial(
 ) -> FrozenTrial:
     state = _STATES[walk.walk.outcome]
     simulated = state is not TrialState.FAIL
-    assessment = assess(walk.walk, settings.constraints)
+    assessment = settings.assess(walk.walk)
     trial = create_trial(
         state=state,
         value=-assessment.objective if state is TrialState.COMPLETE else None,

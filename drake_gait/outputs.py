@@ -8,20 +8,21 @@ from typing import Any
 import numpy as np
 
 from drake_gait import study_figures, surrogate, walk_figures
+from drake_gait.confirmation import STAGE, winner
 from drake_gait.errors import StudyError
 from drake_gait.figures import save_picture
 from drake_gait.gait import FloatArray
 from drake_gait.portraits import chronophotograph, pictures
-from drake_gait.problem import assess
+from drake_gait.proposers import training_data
+from drake_gait.ranking import best_walk
 from drake_gait.recording import record
+from drake_gait.records import StudyWalk
 from drake_gait.report_page import FIGURES, PORTRAIT, Run, write_study_page
 from drake_gait.result import in_words, summary
 from drake_gait.robot import stall_torques
-from drake_gait.search import best_walk, training_data
 from drake_gait.sensitivity import sensitivity
 from drake_gait.settings import StudySettings
 from drake_gait.simulation import simulate
-from drake_gait.store import StudyWalk
 from drake_gait.surrogate import Surrogate
 from drake_gait.walk import History, Walk
 
@@ -51,8 +52,11 @@ def write_outputs(
     Raises:
         GaitError: a file cannot be written.
     """
-    network = _network(settings, walks)
-    best = best_walk(walks, settings.constraints)
+    searched = [walk for walk in walks if walk.stage != STAGE]
+    network = _network(settings, searched)
+    robust = winner(settings, walks)
+    objective = settings.search.objective
+    best = robust.walk if robust else best_walk(searched, settings.constraints, objective)
     replayed = simulate(best.candidate, settings.walk, history=True)
     jumps = np.degrees(np.abs(best.candidate.gait.jumps)).max(axis=1)
     result = {
@@ -66,7 +70,7 @@ def write_outputs(
     except OSError as error:
         raise StudyError(f"cannot write {error.filename}: {error.strerror}") from None
     _draw_walk(settings, best, replayed, folder)
-    _draw_search(settings, walks, best, folder / FIGURES)
+    _draw_search(settings, searched, best, folder / FIGURES)
     if network is not None:
         _draw_network(settings, network, folder / FIGURES)
     run = Run(folder=folder, settings=settings, result=result, walks=walks)
@@ -76,7 +80,7 @@ def write_outputs(
 
 def _network(settings: StudySettings, walks: list[StudyWalk]) -> Surrogate | None:
     """The network that all walks of the study give, if enough survived."""
-    x, outputs, survived = training_data(walks, settings.space)
+    x, outputs, survived = training_data(walks, settings.space, settings.outputs)
     if survived.sum() < surrogate.FEWEST_SURVIVORS:
         return None
     return surrogate.fit(x, outputs, survived, seed=settings.seed)
@@ -113,10 +117,9 @@ def _draw_search(
     settings: StudySettings, walks: list[StudyWalk], best: StudyWalk, folder: Path
 ) -> None:
     """Figures of all walks."""
-    limits = settings.constraints
     study_figures.convergence(
         [1e3 * walk.walk.forward if walk.walk.survived else np.nan for walk in walks],
-        [assess(walk.walk, limits).feasible for walk in walks],
+        [settings.assess(walk.walk).feasible for walk in walks],
         folder / "convergence",
         samples=settings.search.samples,
     )
@@ -124,7 +127,7 @@ def _draw_search(
     if not survivors:
         return
     forward = [1e3 * walk.walk.forward for walk in survivors]
-    feasible = [assess(walk.walk, limits).feasible for walk in survivors]
+    feasible = [settings.assess(walk.walk).feasible for walk in survivors]
     study_figures.parallel_coordinates(
         [settings.space.encode(walk.candidate) for walk in survivors],
         forward,

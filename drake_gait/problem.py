@@ -3,7 +3,9 @@
 Paper, section III.C (Eqs. 10-17), as a maximisation of the distance walked under four constraints.
 """
 
+import math
 from dataclasses import dataclass, field, fields
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,7 +13,7 @@ from numpy.typing import ArrayLike
 from drake_gait.errors import SettingsError
 from drake_gait.foot import DESIGN_LIMITS, DESIGN_UNITS, SEARCHED_IN_LOG, FootDesign
 from drake_gait.gait import ANGLE_LIMITS, FRAMES, TERMS, WAVEFORMS, FloatArray, Gait
-from drake_gait.walk import Walk
+from drake_gait.walk import Outcome, Walk, WalkSettings
 
 PENALTY = 1000.0
 """The paper's gamma, Eq. 17 [mm per unit of scaled violation]."""
@@ -31,8 +33,55 @@ class Candidate:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Trial:
+    """One simulation to run: all that its numbers depend on."""
+
+    candidate: Candidate
+    """What walks."""
+    settings: WalkSettings = field(default_factory=WalkSettings)
+    """How it is simulated."""
+
+
+class Objective(StrEnum):
+    """What a study wants of a walk."""
+
+    DISTANCE = "distance"
+    """The largest distance walked forward, Eq. 10."""
+    COST_OF_TRANSPORT = "cost_of_transport"
+    """The smallest driving work per weight and distance; the paper's future work."""
+
+    @property
+    def quantity(self) -> str:
+        """Name of the quantity that is maximised, see `quantity`."""
+        return "forward" if self is Objective.DISTANCE else "transport_efficiency"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limit:
+    """The range that a constraint leaves to one quantity of a walk."""
+
+    quantity: str
+    """Its name, see `quantity`."""
+    lower: float = -np.inf
+    """Smallest value."""
+    upper: float = np.inf
+    """Largest value."""
+
+    def excess(self, value: ArrayLike) -> FloatArray:
+        """How far values, shape (...), are outside, in parts of the limit; below 0 inside."""
+        above = (np.asarray(value) - self.upper) / abs(self.upper) if self.upper < np.inf else None
+        below = (self.lower - np.asarray(value)) / abs(self.lower) if self.lower > -np.inf else None
+        sides = [side for side in (above, below) if side is not None]
+        excess: FloatArray = np.max(sides, axis=0)
+        return excess
+
+
+@dataclass(frozen=True, kw_only=True)
 class Constraints:
-    """Limits that make a walk feasible, Eqs. 11-14."""
+    """Limits that make a walk feasible: Eqs. 11-14, and any measure of a walk that a study adds.
+
+    Of a measure of both feet or of four toes, the worst counts.
+    """
 
     lateral: float = 0.020
     """Largest |X_f| [m], Eq. 11."""
@@ -40,16 +89,99 @@ class Constraints:
     """Largest |R_f| [rad], Eq. 12."""
     com_height: float = 0.24353
     """Smallest Y_f [m], Eq. 13."""
+    energy: float | None = None
+    """Largest work of the servos, driving and braking [J]."""
+    positive_energy: float | None = None
+    """Largest driving work of the servos [J]."""
+    cost_of_transport: float | None = None
+    """Largest driving work / (weight x distance)."""
+    peak_torque: float | None = None
+    """Largest torque of a servo [N·m]."""
+    peak_speed: float | None = None
+    """Largest speed of a servo [rad/s]."""
+    saturated_fraction: float | None = None
+    """Largest share of servo-time at the stall torque."""
+    slip: float | None = None
+    """Largest distance that a loaded sole slides [m]."""
+    clearance: float | None = None
+    """Smallest height of a swinging foot [m]."""
+    duty_factor: float | None = None
+    """Largest share of a cycle in which a foot carries load."""
+    toe_range: float | None = None
+    """Largest angle of a toe [rad]."""
+    yaw_swing: float | None = None
+    """Largest range of the torso's heading [rad]."""
+    torso_tilt: float | None = None
+    """Largest lean of the torso [rad]."""
 
     def __post_init__(self) -> None:
         for limit in fields(self):
             value = getattr(self, limit.name)
-            if not 0.0 < value < np.inf:
+            if value is not None and not 0.0 < value < np.inf:
                 raise SettingsError(f"constraint {limit.name} must be > 0 and finite, got {value}")
 
+    @property
+    def limits(self) -> tuple[Limit, ...]:
+        """Eqs. 11-13, then the measures' limits."""
+        paper = (
+            Limit(quantity="lateral", lower=-self.lateral, upper=self.lateral),  # Eq. 11
+            Limit(quantity="yaw", lower=-self.yaw, upper=self.yaw),  # Eq. 12
+            Limit(quantity="com_height", lower=self.com_height),  # Eq. 13
+        )
+        return paper + tuple(_measure_limit(name, value) for name, value in self._measures())
 
-CONSTRAINT_NAMES = ("lateral", "yaw", "com_height", "steps")
-"""Order of `Assessment.violations`."""
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What each of `Assessment.violations` is of."""
+        return (*(limit.quantity for limit in self.limits), "steps")
+
+    def _measures(self) -> list[tuple[str, float]]:
+        names = [limit.name for limit in fields(self)][3:]
+        return [(name, getattr(self, name)) for name in names if getattr(self, name) is not None]
+
+
+def _measure_limit(name: str, value: float) -> Limit:
+    if name == "clearance":
+        return Limit(quantity=name, lower=value)
+    if (
+        name == "cost_of_transport"
+    ):  # Infinite for a walk that does not advance, unlike its inverse.
+        return Limit(quantity="transport_efficiency", lower=1.0 / value)
+    return Limit(quantity=name, upper=value)
+
+
+OUTPUTS = ("forward", "lateral", "yaw", "com_height")
+"""What every walk has and every network predicts: Z_f, X_f [m], R_f [rad], Y_f [m]."""
+
+
+def quantity(walk: Walk, name: str) -> float:
+    """One number of a walk, in SI units.
+
+    Args:
+        walk: The walk.
+        name: One of OUTPUTS, a field of `walk.Measures`, or "transport_efficiency", the inverse of
+            the cost of transport. Of several feet or toes, the worst.
+
+    Raises:
+        SettingsError: the walk was simulated without measures.
+    """
+    if name in OUTPUTS:
+        return float(getattr(walk, name))
+    if walk.outcome is Outcome.DIVERGED:
+        return math.nan
+    if walk.measures is None:
+        raise SettingsError(f"{name} needs the measures of a walk; simulate it with measures=True")
+    if name == "transport_efficiency":
+        return 1.0 / walk.measures.cost_of_transport
+    value = getattr(walk.measures, name)
+    worst = min if name == "clearance" else max
+    return float(worst(value) if isinstance(value, tuple) else value)
+
+
+def quantities(limits: Constraints, objective: Objective = Objective.DISTANCE) -> tuple[str, ...]:
+    """OUTPUTS, then whatever else the objective and the constraints need of a walk."""
+    names = (*OUTPUTS, objective.quantity, *(limit.quantity for limit in limits.limits))
+    return tuple(dict.fromkeys(names))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,13 +189,16 @@ class Assessment:
     """A walk measured against the problem."""
 
     objective: float
-    """-Z_f [m], to be minimised, Eq. 15."""
+    """What is minimised: -Z_f [m], Eq. 15, or minus the inverse of the cost of transport."""
     violations: FloatArray
-    """Each violation divided by its limit, 0 when satisfied; shape (4,), as CONSTRAINT_NAMES."""
+    """Each violation divided by its limit, 0 when satisfied; shape (3 + m + 1,).
+
+    In the order of `Constraints.names`; the last are the frames that are missing, Eq. 14.
+    """
 
     @property
     def feasible(self) -> bool:
-        """Whether all four constraints hold."""
+        """Whether all constraints hold."""
         return not self.violations.any()
 
     @property
@@ -72,28 +207,20 @@ class Assessment:
         return 1e3 * self.objective + PENALTY * float(self.violations.sum())
 
 
-def scaled_violations(
-    lateral: ArrayLike, yaw: ArrayLike, com_height: ArrayLike, limits: Constraints
-) -> FloatArray:
-    """Violations of Eqs. 11-13, each divided by its limit; arrays (n,) [m, rad, m] give (n, 3)."""
-    excess = np.stack(
-        [
-            np.abs(lateral) / limits.lateral - 1.0,  # Eq. 11
-            np.abs(yaw) / limits.yaw - 1.0,  # Eq. 12
-            1.0 - np.asarray(com_height) / limits.com_height,  # Eq. 13
-        ],
-        axis=-1,
-    )
-    return np.maximum(excess, 0.0)
-
-
-def assess(walk: Walk, limits: Constraints) -> Assessment:
+def assess(
+    walk: Walk, limits: Constraints, objective: Objective = Objective.DISTANCE
+) -> Assessment:
     """Objective and violations of one simulated walk."""
     missing = (FRAMES - walk.steps) / FRAMES  # Eq. 14
     if not walk.survived:
         missing = max(missing, 1.0 / FRAMES)
-    violations = scaled_violations(walk.lateral, walk.yaw, walk.com_height, limits)
-    return Assessment(objective=-walk.forward, violations=np.append(violations, missing))
+    excess = [float(limit.excess(quantity(walk, limit.quantity))) for limit in limits.limits]
+    gained = quantity(walk, objective.quantity)
+    return Assessment(
+        objective=-gained if math.isfinite(gained) else 0.0,
+        # What cannot be said of a walk counts as broken by the limit's own size.
+        violations=np.nan_to_num(np.maximum([*excess, missing], 0.0), nan=1.0),
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from drake_gait.result import r_squared_line
-from drake_gait.search import Progress
+from drake_gait.runner import Progress
 from drake_gait.settings import StudySettings
 from drake_gait.surrogate import Surrogate
 

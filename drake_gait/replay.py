@@ -9,13 +9,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from drake_gait.errors import GaitError, StudyError
+from drake_gait.ranking import best_walk
 from drake_gait.recording import record
+from drake_gait.records import StudyWalk
 from drake_gait.result import file_sha256, in_words
 from drake_gait.robot import model_path
-from drake_gait.search import best_walk
 from drake_gait.settings import study_settings
 from drake_gait.simulation import simulate
-from drake_gait.store import Study, StudyWalk
+from drake_gait.store import Study
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -21,10 +21,10 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from drake_gait import report_tables
 from drake_gait.errors import GaitError, StudyError
 from drake_gait.gait import FRAMES
+from drake_gait.records import StudyWalk
 from drake_gait.report_tables import number
 from drake_gait.result import PAPER_TABLE
 from drake_gait.settings import StudySettings, default_study, read_study
-from drake_gait.store import StudyWalk
 
 FIGURES = "figures"
 """Folder of the figures, in a study's folder."""

@@ -10,9 +10,9 @@ import numpy as np
 from drake_gait.foot import DESIGN_UNITS, N_MM_PER_DEG
 from drake_gait.gait import CYCLE_TIME, FRAME_TIME, TERMS, WAVEFORMS
 from drake_gait.problem import Constraints, assess
+from drake_gait.ranking import feasible_walks
+from drake_gait.records import StudyWalk
 from drake_gait.result import PAPER_TABLE
-from drake_gait.search import feasible_walks
-from drake_gait.store import StudyWalk
 from drake_gait.walk import Outcome
 
 OUTPUT_NAMES = {

@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from drake_gait.problem import Constraints, assess
-from drake_gait.search import best_walk, feasible_walks
+from drake_gait.confirmation import STAGE, Finalist, best_unslipping, finalists, winner
+from drake_gait.problem import OUTPUTS, Constraints
+from drake_gait.ranking import best_walk, feasible_walks
+from drake_gait.records import StudyWalk
 from drake_gait.settings import StudySettings
-from drake_gait.store import StudyWalk
-from drake_gait.surrogate import OUTPUTS, Surrogate
+from drake_gait.surrogate import Surrogate
 from drake_gait.walk import Measures, Walk
 
 PAPER_TABLE = (
@@ -58,13 +59,21 @@ def summary(
     Lengths in millimetres and angles in degrees where the key says so; the foot in SI units. Where
     no walk is feasible, the best is the one nearest to it.
     """
-    limits = settings.constraints
-    best = best_walk(walks, limits)
+    searched = [walk for walk in walks if walk.stage != STAGE]
+    nominal_best = best_walk(searched, settings.constraints, settings.search.objective)
+    robust = winner(settings, walks)
+    best = robust.walk if robust else nominal_best
+    unslipping = best_unslipping(settings, walks)
     return {
         "study": settings.name,
         "seed": settings.seed,
+        "mode": str(settings.search.mode),
         "walk": best.id,
-        "feasible": assess(best.walk, limits).feasible,
+        "winner": robust.walk.id if robust else None,
+        "nominal_best": nominal_best.id,
+        "best_unslipping": unslipping.id if unslipping else None,
+        "finalists": [_finalist(settings, one) for one in finalists(settings, walks)],
+        "feasible": settings.assess(best.walk).feasible,
         "outcome": str(best.walk.outcome),
         "forward_mm": 1e3 * best.walk.forward,
         "lateral_mm": 1e3 * best.walk.lateral,
@@ -73,14 +82,64 @@ def summary(
         "steps": best.walk.steps,
         "coefficients_deg": best.candidate.gait.degrees.tolist(),
         "foot": asdict(best.candidate.foot),
-        "simulations": len(walks),
-        "survivors": sum(walk.walk.survived for walk in walks),
-        "feasible_count": len(feasible_walks(walks, limits)),
+        "simulations": len(searched),
+        "confirmations": len(walks) - len(searched),
+        "survivors": sum(walk.walk.survived for walk in searched),
+        "feasible_count": sum(settings.assess(walk.walk).feasible for walk in searched),
         "r2_train": _by_output(network.r2_train if network else None),
         "r2_heldout": _by_output(network.r2_heldout if network else None),
         "wall_s": wall_s,
         "versions": versions(),
     }
+
+
+def _finalist(settings: StudySettings, finalist: Finalist) -> dict[str, Any]:
+    """A candidate that was walked again, as result.json has it."""
+    reference, measured = finalist.reference, finalist.measured
+    return {
+        "walk": finalist.walk.id,
+        "forward_mm": 1e3 * finalist.walk.walk.forward,
+        "median_mm": 1e3 * finalist.median,
+        "worst_mm": 1e3 * finalist.worst,
+        "survived": finalist.survived,
+        "feasible": finalist.feasible,
+        "of": len(finalist.variations),
+        "robust": finalist.robust,
+        "slipping": finalist.slipping,
+        "reference": reference
+        and {
+            "outcome": str(reference.walk.outcome),
+            "forward_mm": 1e3 * reference.walk.forward,
+            "lateral_mm": 1e3 * reference.walk.lateral,
+            "yaw_deg": float(np.degrees(reference.walk.yaw)),
+            "steps": reference.walk.steps,
+            "feasible": settings.assess(reference.walk).feasible,
+        },
+        "measures": measured and measured.walk.measures and asdict(measured.walk.measures),
+    }
+
+
+def robust_table(settings: StudySettings, walks: Sequence[StudyWalk]) -> str:
+    """The candidates that were walked again in full, as text."""
+    lines = [
+        " walk   Z [mm]   median    worst   feasible   reference: Z [mm]   X [mm]  R [deg]",
+    ]
+    for one in finalists(settings, walks):
+        if len(one.variations) < settings.confirmation.replicas:
+            continue
+        line = (
+            f"{one.walk.id:5d} {1e3 * one.walk.walk.forward:8.1f} {1e3 * one.median:8.1f} "
+            f"{1e3 * one.worst:8.1f}     {one.feasible} of {len(one.variations)}"
+        )
+        if one.reference is not None:
+            walk = one.reference.walk
+            line += (
+                f"            {1e3 * walk.forward:8.1f} {1e3 * walk.lateral:8.1f} "
+                f"{np.degrees(walk.yaw):8.2f}"
+            )
+            line += "" if walk.survived else f"   {walk.reason}"
+        lines.append(line + ("   robust" if one.robust else ""))
+    return "\n".join(lines)
 
 
 def table(walks: Sequence[StudyWalk], limits: Constraints) -> str:
@@ -107,7 +166,7 @@ def table(walks: Sequence[StudyWalk], limits: Constraints) -> str:
 def r_squared_line(network: Surrogate) -> str:
     """R² of every output, training and held-out, as text."""
     names = ("Z", "X", "R", "Y")
-    pairs = zip(names, network.r2_train, network.r2_heldout, strict=True)
+    pairs = zip(names, network.r2_train, network.r2_heldout, strict=False)
     return "R² training / held-out: " + "   ".join(
         f"{name} {train:.2f} / {heldout:.2f}" for name, train, heldout in pairs
     )
@@ -144,5 +203,5 @@ def _by_output(values: Any) -> Mapping[str, float | None]:
     # Of an output that does not vary nothing is explained, and JSON has no word for that number.
     return {
         name: float(value) if np.isfinite(value) else None
-        for name, value in zip(OUTPUTS, values, strict=True)
+        for name, value in zip(OUTPUTS, values, strict=False)
     }

@@ -45,6 +45,9 @@ TOE_HINGES = tuple(
 )
 """The four passive joints, in the order of every array of toe values."""
 
+_DRAKE = "http://drake.mit.edu"
+"""Namespace of Drake's own elements in an SDF file."""
+
 _NEVER: tuple[FloatArray, FloatArray] = (np.array([-np.inf]), np.array([np.inf]))
 
 GROUND_FRICTION = 1.0
@@ -71,6 +74,20 @@ def model_path(model: str | Path = DEFAULT_MODEL) -> Path:
     raise ModelError(
         f"no robot description '{model}'; give a path to an SDF file, or one of {known}"
     )
+
+
+def with_friction(sdf: str, factor: float) -> str:
+    """A robot description whose contact with the ground has `factor` times its friction."""
+    if factor == 1.0:
+        return sdf
+    ElementTree.register_namespace("drake", _DRAKE)
+    root = ElementTree.fromstring(sdf)
+    for name in ("mu_static", "mu_dynamic"):
+        for element in root.iter(f"{{{_DRAKE}}}{name}"):
+            surface = float(element.text or "")
+            contact = factor * 2.0 * surface * GROUND_FRICTION / (surface + GROUND_FRICTION)
+            element.text = repr(contact * GROUND_FRICTION / (2.0 * GROUND_FRICTION - contact))
+    return ElementTree.tostring(root, encoding="unicode")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -108,11 +125,13 @@ def add_robot(
     *,
     time_step: float = 0.0,
     looks: bool = True,
+    friction: float = 1.0,
 ) -> tuple[MultibodyPlant, SceneGraph]:
     """Add plant and scene graph of the robot on the ground to a diagram.
 
     The plant is continuous, or, with a `time_step` [s], discrete with Drake's lagged solver.
     Without `looks` it has the shapes that touch only.
+    The friction between feet and ground is `friction` times that of the description.
 
     Raises:
         ModelError: the description cannot be read, or is not a biped with the joints needed.
@@ -127,7 +146,8 @@ def add_robot(
     parser.SetStrictParsing()
     parser.package_map().AddPackageXml(models_folder() / "package.xml")
     try:
-        parser.AddModelsFromString(with_toes(path.read_text(), foot, looks=looks), "sdf")
+        sdf = with_friction(with_toes(path.read_text(), foot, looks=looks), friction)
+        parser.AddModelsFromString(sdf, "sdf")
     except ModelError as error:
         raise ModelError(f"{path}: {error}") from None
     except ElementTree.ParseError as error:
@@ -198,7 +218,12 @@ logging.getLogger("drake").addFilter(lambda record: "deformable contact" not in 
 
 
 def build_robot(
-    model: str | Path, foot: FootDesign, servo: Servo, *, time_step: float = 0.0
+    model: str | Path,
+    foot: FootDesign,
+    servo: Servo,
+    *,
+    time_step: float = 0.0,
+    friction: float = 1.0,
 ) -> Robot:
     """The diagram of a robot whose servos follow a GaitSystem, for walks that nobody looks at.
 
@@ -206,7 +231,9 @@ def build_robot(
         ModelError: see `add_robot`.
     """
     builder = DiagramBuilder()
-    plant, scene_graph = add_robot(builder, model, foot, servo, time_step=time_step, looks=False)
+    plant, scene_graph = add_robot(
+        builder, model, foot, servo, time_step=time_step, friction=friction, looks=False
+    )
     gait = GaitSystem()
     builder.AddSystem(gait)
     instance = plant.GetBodyByName("torso").model_instance()

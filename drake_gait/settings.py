@@ -9,7 +9,7 @@ import json
 import math
 import tomllib
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -19,9 +19,17 @@ import numpy as np
 from drake_gait.errors import SettingsError
 from drake_gait.foot import N_MM_PER_DEG, FootDesign
 from drake_gait.gait import FloatArray
-from drake_gait.problem import Constraints, DesignSpace
+from drake_gait.plan import ConfirmationSettings, SearchSettings
+from drake_gait.problem import (
+    OUTPUTS,
+    Assessment,
+    Constraints,
+    DesignSpace,
+    assess,
+    quantities,
+)
 from drake_gait.servo import Servo
-from drake_gait.walk import Fidelity, WalkSettings
+from drake_gait.walk import Fidelity, Walk, WalkSettings
 
 _DEGREE = math.pi / 180.0
 _MM = 1e-3
@@ -36,6 +44,26 @@ _CONSTRAINTS = {
     "lateral_mm": ("lateral", _MM),
     "yaw_deg": ("yaw", _DEGREE),
     "com_height_mm": ("com_height", _MM),
+    "energy_j": ("energy", 1.0),
+    "positive_energy_j": ("positive_energy", 1.0),
+    "cost_of_transport": ("cost_of_transport", 1.0),
+    "peak_torque_n_m": ("peak_torque", 1.0),
+    "peak_speed_rad_per_s": ("peak_speed", 1.0),
+    "saturated_fraction": ("saturated_fraction", 1.0),
+    "slip_mm": ("slip", _MM),
+    "clearance_mm": ("clearance", _MM),
+    "duty_factor": ("duty_factor", 1.0),
+    "toe_range_deg": ("toe_range", _DEGREE),
+    "yaw_swing_deg": ("yaw_swing", _DEGREE),
+    "torso_tilt_deg": ("torso_tilt", _DEGREE),
+}
+_CONFIRMATION = {
+    "walks": "walks",
+    "winners": "winners",
+    "replicas": "replicas",
+    "feasible": "feasible",
+    "noise_deg": "noise",
+    "friction": "friction",
 }
 _FOOT = {
     "big_toe_stiffness_n_mm_per_deg": ("big_toe_stiffness", N_MM_PER_DEG),
@@ -46,41 +74,15 @@ _FOOT = {
 }
 _KEYS = {
     "study": ("name", "question", "seed"),
-    "search": ("samples", "simulations", "batch", "stagnation"),
+    "search": tuple(field.name for field in fields(SearchSettings)),
+    "confirmation": tuple(_CONFIRMATION),
     "box": ("chosen", "centre_deg", "half_width_deg"),
     "constraints": tuple(_CONSTRAINTS),
-    "walk": ("model", "fidelity", "time_limit_s"),
+    "walk": ("model", "fidelity", "time_limit_s", "friction"),
     "servo": tuple(_SERVO),
     "foot": (*_FOOT, "rigid_toes"),
     "design": tuple(_FOOT),
 }
-
-
-@dataclass(frozen=True, kw_only=True)
-class SearchSettings:
-    """How much is simulated, and in what portions."""
-
-    samples: int = 200
-    """Walks of the design of experiments (paper: Eq. 29 gives 169, some were added)."""
-    simulations: int = 400
-    """Walks in all, design of experiments included."""
-    batch: int = 8
-    """Walks proposed by one network; all are simulated before the next is trained."""
-    stagnation: int | None = None
-    """Stop after so many networks without a better feasible walk; None: use the whole budget."""
-
-    def __post_init__(self) -> None:
-        for name, least in (("samples", 1), ("simulations", 1), ("batch", 1), ("stagnation", 1)):
-            value = getattr(self, name)
-            if value is None and name == "stagnation":
-                continue
-            if isinstance(value, bool) or not isinstance(value, int) or value < least:
-                raise SettingsError(f"search.{name} must be a whole number >= {least}, got {value}")
-        if self.samples > self.simulations:
-            raise SettingsError(
-                f"search.samples ({self.samples}) must not exceed search.simulations "
-                f"({self.simulations}), which counts them too"
-            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,6 +97,8 @@ class StudySettings:
     """Fixes every random number."""
     search: SearchSettings = field(default_factory=SearchSettings)
     """How much is simulated."""
+    confirmation: ConfirmationSettings = field(default_factory=ConfirmationSettings)
+    """How its best candidates are confirmed."""
     space: DesignSpace
     """Where it looks."""
     chosen: str = ""
@@ -110,14 +114,30 @@ class StudySettings:
         if isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0:
             raise SettingsError(f"study.seed must be a whole number >= 0, got {self.seed}")
 
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """What a network is to predict of a walk: `problem.OUTPUTS`, and what else is needed."""
+        return quantities(self.constraints, self.search.objective)
+
+    @property
+    def trial_settings(self) -> WalkSettings:
+        """How the walks of the search are simulated: with measures where they are needed."""
+        return replace(self.walk, measures=self.outputs != OUTPUTS)
+
+    def assess(self, walk: Walk) -> Assessment:
+        """A walk measured against the study's objective and constraints."""
+        return assess(walk, self.constraints, self.search.objective)
+
     def description(self) -> dict[str, Any]:
         """Every setting as `section.key`: number, text or list; two studies can be compared."""
         walk = asdict(self.walk)
         servo = walk.pop("servo")
         walk.pop("integrator")  # The fidelity says it; another one is for comparisons only.
+        walk.pop("measures")  # The objective and the constraints say it.
         nested = {
             "study": {"name": self.name, "question": self.question, "seed": self.seed},
             "search": asdict(self.search),
+            "confirmation": asdict(self.confirmation),
             "box": {
                 "chosen": self.chosen,
                 "centre": self.space.centre.tolist(),
@@ -148,6 +168,7 @@ def study_settings(description: Mapping[str, Any]) -> StudySettings:
     return StudySettings(
         **nested["study"],
         search=SearchSettings(**nested["search"]),
+        confirmation=ConfirmationSettings(**nested["confirmation"]),
         space=DesignSpace(
             centre=np.array(box["centre"]),
             half_width=np.array(box["half_width"]),
@@ -160,6 +181,7 @@ def study_settings(description: Mapping[str, Any]) -> StudySettings:
             model=walk["model"],
             fidelity=_fidelity(walk["fidelity"]),
             time_limit=walk["time_limit"],
+            friction=walk.get("friction", 1.0),
             servo=Servo(**nested["servo"]),
         ),
     )
@@ -237,6 +259,8 @@ def _study(content: Mapping[str, Any]) -> StudySettings:
     walk = dict(content.get("walk", {}))
     if "time_limit_s" in walk:
         walk["time_limit"] = _number("walk.time_limit_s", walk.pop("time_limit_s"))
+    if "friction" in walk:
+        walk["friction"] = _number("walk.friction", walk["friction"])
     if "fidelity" in walk:
         walk["fidelity"] = _fidelity(walk["fidelity"])
     _texts("walk", walk, ("model",))
@@ -247,6 +271,7 @@ def _study(content: Mapping[str, Any]) -> StudySettings:
     return StudySettings(
         **study,
         search=SearchSettings(**content.get("search", {})),
+        confirmation=_confirmation(content.get("confirmation", {})),
         space=DesignSpace(
             centre=_degrees("centre_deg", box["centre_deg"]),
             half_width=_degrees("half_width_deg", box["half_width_deg"]),
@@ -294,6 +319,16 @@ def _foot(values: Mapping[str, Any]) -> FootDesign:
     return FootDesign(
         **_scaled("foot", {"foot": measured}, _FOOT), rigid_toes=values.get("rigid_toes", False)
     )
+
+
+def _confirmation(values: Mapping[str, Any]) -> ConfirmationSettings:
+    given = {_CONFIRMATION[key]: value for key, value in values.items()}
+    for key in ("noise", "friction"):
+        if key in given:
+            given[key] = _number(f"confirmation.{key}", given[key])
+    if "noise" in given:
+        given["noise"] *= _DEGREE
+    return ConfirmationSettings(**given)
 
 
 def _fidelity(value: Any) -> Fidelity:

@@ -2,6 +2,7 @@
 
 import math
 import time
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import cast
@@ -14,7 +15,7 @@ from pydrake.systems.framework import Context, Diagram
 from drake_gait.foot import FootDesign
 from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray
 from drake_gait.observer import Observer
-from drake_gait.problem import Candidate
+from drake_gait.problem import Candidate, Trial
 from drake_gait.robot import Robot, build_robot
 from drake_gait.servo import Servo
 from drake_gait.walk import INTEGRATORS, Fidelity, Integrator, Outcome, Walk, WalkSettings
@@ -56,6 +57,11 @@ def simulate(
     return follow(candidate.gait.commands, candidate.foot, settings, history=history)
 
 
+def walk_trial(trial: Trial) -> Walk:
+    """Walk a trial; what a worker runs."""
+    return simulate(trial.candidate, trial.settings)
+
+
 def follow(
     commands: FloatArray,
     foot: FootDesign | None = None,
@@ -76,8 +82,9 @@ def follow(
     """
     foot, settings = foot or FootDesign(), settings or WalkSettings()
     robot, context = prepare(commands, foot, settings)
-    observer = Observer(robot, commands) if history else None
-    return _advance(robot, context, settings, observer)
+    observer = Observer(robot, commands) if history or settings.measures else None
+    walk = _advance(robot, context, settings, observer)
+    return walk if history else replace(walk, history=None)
 
 
 def prepare(
@@ -86,7 +93,7 @@ def prepare(
     """A robot, and a context of its diagram in which it stands, about to follow `commands`."""
     stepping = settings.stepping
     time_step = stepping.step if stepping.discrete else 0.0
-    robot = _robot(settings.model, foot.body, settings.servo, time_step)
+    robot = _robot(settings.model, foot.body, settings.servo, time_step, settings.friction)
     context = robot.diagram.CreateDefaultContext()
     plant_context = robot.plant.GetMyMutableContextFromRoot(context)
     robot.set_foot(plant_context, foot)
@@ -98,9 +105,15 @@ def prepare(
 
 
 @lru_cache(maxsize=4)
-def _robot(model: str | Path, body: FootDesign, servo: Servo, time_step: float = 0.0) -> Robot:
+def _robot(
+    model: str | Path,
+    body: FootDesign,
+    servo: Servo,
+    time_step: float = 0.0,
+    friction: float = 1.0,
+) -> Robot:
     """One diagram serves every gait and every toe spring of a foot's body."""
-    return build_robot(model, body, servo, time_step=time_step)
+    return build_robot(model, body, servo, time_step=time_step, friction=friction)
 
 
 @lru_cache(maxsize=4)

@@ -9,9 +9,10 @@ from typing import Any
 
 from drake_gait.errors import StudyError
 from drake_gait.lock import is_driven
-from drake_gait.search import feasible_walks
+from drake_gait.ranking import feasible_walks
+from drake_gait.records import StudyWalk
 from drake_gait.settings import study_settings
-from drake_gait.store import Study, StudyWalk, study_file
+from drake_gait.store import Study, study_file
 
 _BEST = 8  # As many walks as the paper's Table II has.
 

@@ -3,8 +3,10 @@
 Tables (schema 2; SI units, angles in radians, numbers as full doubles):
 
     study   key, value      schema, settings, model_sha256 and versions, each as JSON
-    walks   one row a walk  id is its place in the study; the candidate, what it did, what was
-                            predicted of it, when it finished and how long it took
+    walks   one row a walk  id is its place in the study; what it was simulated for (stage), of
+                            which walk it is a variation and which one; the candidate, what it
+                            did, its measures where they were taken, what was predicted of it,
+                            when it finished and how long it took
 
 `pandas.DataFrame(Study.open("runs/paper").table())` has all of it, and any SQLite tool reads it;
 docs/studies.md lists the columns. The driver is the only writer and commits each walk as it
@@ -17,8 +19,6 @@ import os
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass, fields
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO, Any, Self
 
@@ -26,27 +26,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drake_gait.errors import StudyError
-from drake_gait.foot import FootDesign
-from drake_gait.gait import Gait
 from drake_gait.lock import driver_lock
-from drake_gait.problem import COEFFICIENTS, Candidate
-from drake_gait.walk import Outcome, Walk
+from drake_gait.records import COLUMNS, CONFIRMATIONS, NAMES, StudyWalk, from_row, to_row
 
 SCHEMA = 2
-
-_FOOT = tuple(field.name for field in fields(FootDesign))
-_WALK = ("steps", "forward", "lateral", "yaw", "com_height")
-_PREDICTED = ("forward", "lateral", "yaw", "survival")
-
-_COLUMNS = (
-    ["id integer primary key", "stage text not null", "iteration integer not null"]
-    + [f"{name} real not null" for name in (*COEFFICIENTS, *_FOOT)]
-    + ["outcome text not null", "reason text not null", "steps integer not null"]
-    + [f"{name} real not null" for name in _WALK[1:]]
-    + [f"predicted_{name} real" for name in _PREDICTED]
-    + ["seconds real not null", "finished text not null"]
-)
-_NAMES = [column.split()[0] for column in _COLUMNS]
 
 
 _WORDS = {"study.question", "box.chosen"}
@@ -57,26 +40,6 @@ _BUDGET = "search.simulations"
 
 _DTYPES = {"integer": np.int64, "real": np.float64, "text": np.str_}
 _MISSING = {"real": np.nan, "text": ""}
-
-
-@dataclass(frozen=True, kw_only=True)
-class StudyWalk:
-    """One walk of a study."""
-
-    id: int
-    """Its place in the study, from 0."""
-    stage: str
-    """What it was simulated for: "design" (of experiments) or "infill"."""
-    iteration: int
-    """0 for the design of experiments, then the number of the batch after it."""
-    candidate: Candidate
-    """What walked."""
-    walk: Walk
-    """What it did; without a history."""
-    predicted: Mapping[str, float] | None = None
-    """forward, lateral [m], yaw [rad] and survival, as the network expected them."""
-    seconds: float = 0.0
-    """Time that the simulation took [s]."""
 
 
 class Study:
@@ -208,7 +171,7 @@ class Study:
         """The smallest budget that has room for every walk."""
         with _reporting(self.path):
             (used,) = self._connection.execute(
-                "select ifnull(max(id), -1) + 1 from walks where stage != 'confirmation'"
+                "select ifnull(max(id), -1) + 1 from walks where id < ?", (CONFIRMATIONS,)
             ).fetchone()
         return int(used)
 
@@ -225,16 +188,7 @@ class Study:
         Raises:
             StudyError: the file cannot be written; everything before is safe.
         """
-        walk, predicted = entry.walk, entry.predicted or {}
-        row = (
-            [int(entry.id), entry.stage, int(entry.iteration)]
-            + [float(value) for value in entry.candidate.gait.coefficients.ravel()]
-            + [getattr(entry.candidate.foot, name) for name in _FOOT]
-            + [walk.outcome.value, walk.reason, int(walk.steps)]
-            + [float(getattr(walk, name)) for name in _WALK[1:]]
-            + [predicted.get(name) for name in _PREDICTED]
-            + [float(entry.seconds), datetime.now(UTC).isoformat(timespec="milliseconds")]
-        )
+        row = to_row(entry)
         with _reporting(self.path), self._connection:
             self._connection.execute(f"insert into walks values ({', '.join('?' * len(row))})", row)
 
@@ -266,9 +220,9 @@ class Study:
         """All walks so far, in the order of their ids."""
         with _reporting(self.path):
             rows = self._connection.execute(
-                f"select {', '.join(_NAMES)} from walks order by id"
+                f"select {', '.join(NAMES)} from walks order by id"
             ).fetchall()
-        return [_study_walk(dict(zip(_NAMES, row, strict=True))) for row in rows]
+        return [from_row(dict(zip(NAMES, row, strict=True))) for row in rows]
 
 
 def study_file(path: str | Path) -> Path:
@@ -329,7 +283,7 @@ def _write_empty(path: Path, description: Mapping[str, Any]) -> None:
             connection.execute("pragma journal_mode = wal")
             with connection:
                 connection.execute("create table study (key text primary key, value text)")
-                connection.execute(f"create table walks ({', '.join(_COLUMNS)})")
+                connection.execute(f"create table walks ({', '.join(COLUMNS)})")
                 rows = {"schema": SCHEMA, **description}
                 connection.executemany(
                     "insert into study values (?, ?)",
@@ -338,30 +292,3 @@ def _write_empty(path: Path, description: Mapping[str, Any]) -> None:
         beginning.replace(path)
     except OSError as error:
         raise StudyError(f"cannot write {path}: {error.strerror}") from None
-
-
-def _study_walk(row: dict[str, Any]) -> StudyWalk:
-    coefficients = np.array([row[name] for name in COEFFICIENTS]).reshape(4, 4)
-    predicted = {name: row[f"predicted_{name}"] for name in _PREDICTED}
-    return StudyWalk(
-        id=row["id"],
-        stage=row["stage"],
-        iteration=row["iteration"],
-        candidate=Candidate(
-            gait=Gait(coefficients=coefficients),
-            foot=_foot(row),
-        ),
-        walk=Walk(
-            outcome=Outcome(row["outcome"]),
-            reason=row["reason"],
-            **{name: row[name] for name in _WALK},
-        ),
-        predicted=None if predicted["forward"] is None else predicted,
-        seconds=row["seconds"],
-    )
-
-
-def _foot(row: dict[str, Any]) -> FootDesign:
-    values = {name: row[name] for name in _FOOT}
-    values["rigid_toes"] = bool(values["rigid_toes"])  # SQLite has no truth values.
-    return FootDesign(**values)

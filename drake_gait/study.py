@@ -1,6 +1,5 @@
 """One study in its folder: opened or gone on with, and searched to its end."""
 
-import functools
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -9,9 +8,10 @@ from pathlib import Path
 from drake_gait.errors import StudyError
 from drake_gait.result import file_sha256, versions
 from drake_gait.robot import build_robot, model_path
-from drake_gait.search import Progress, search
+from drake_gait.runner import Progress
+from drake_gait.search import search
 from drake_gait.settings import StudySettings
-from drake_gait.simulation import simulate
+from drake_gait.simulation import walk_trial
 from drake_gait.store import Study
 from drake_gait.workers import LocalProcesses
 
@@ -61,10 +61,9 @@ def run_study(
     """
     started, before = time.monotonic(), study.description()
     deaths = Counter(before.get("worker_deaths", {}))
-    walk = functools.partial(simulate, settings=settings.walk)
     limit = settings.walk.time_limit + _STARTING_TIME
     try:
-        with LocalProcesses(walk, count=workers, time_limit=limit) as processes:
+        with LocalProcesses(walk_trial, count=workers, time_limit=limit) as processes:
             try:
                 search(settings, study, processes.run, report)
             finally:

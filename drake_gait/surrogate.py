@@ -6,7 +6,9 @@ predicted by a member that has not seen it. Regressors learn from walks that sur
 of the same form learns which do.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import torch
@@ -17,14 +19,14 @@ from drake_gait.gait import FloatArray
 
 BoolArray = NDArray[np.bool_]
 
-OUTPUTS = ("forward", "lateral", "yaw", "com_height")
-"""Columns of every target and prediction: Z_f, X_f [m], R_f [rad], Y_f [m]."""
-
 _MEMBERS = 8
 _HIDDEN_UNITS = 32
 _EPOCHS = 250
 _LEARNING_RATE = 0.03
 _WEIGHT_DECAY = 1.0
+
+_PAPER_UNITS = 20
+_PAPER_EPOCHS = 500
 
 FEWEST_SURVIVORS = 2 * _MEMBERS
 """Walks that must have survived before a network can be fitted."""
@@ -35,28 +37,44 @@ class Prediction:
     """What the network expects of n candidates."""
 
     mean: FloatArray
-    """Outputs of a walk that survives, shape (n, 4), as OUTPUTS."""
+    """Outputs of a walk that survives, shape (n, k)."""
     deviation: FloatArray
-    """Standard deviation of the error to expect, shape (n, 4): members' spread and residuals."""
+    """Standard deviation of the error to expect, shape (n, k): members' spread and residuals."""
     survival: FloatArray
     """Probability that the robot stays on its feet, shape (n,)."""
+
+
+class Network(Protocol):
+    """What predicts walks."""
+
+    def predict(self, x: FloatArray) -> Prediction:
+        """Predictions for design vectors, shape (n, d)."""
+        ...
 
 
 class _Ensemble:
     """Members' weights, each of shape (members, inputs, outputs), and their shared forward pass."""
 
-    def __init__(self, inputs: int, outputs: int, generator: torch.Generator) -> None:
+    def __init__(
+        self,
+        inputs: int,
+        outputs: int,
+        generator: torch.Generator,
+        *,
+        members: int = _MEMBERS,
+        units: int = _HIDDEN_UNITS,
+    ) -> None:
         def weights(rows: int, columns: int) -> torch.Tensor:
             drawn: torch.Tensor = torch.randn(
-                _MEMBERS, rows, columns, generator=generator, dtype=torch.float64
+                members, rows, columns, generator=generator, dtype=torch.float64
             )
             scaled: torch.Tensor = drawn / rows**0.5
             return scaled.requires_grad_()
 
-        self.hidden = weights(inputs, _HIDDEN_UNITS)
-        self.hidden_bias = weights(1, _HIDDEN_UNITS)
-        self.output = weights(_HIDDEN_UNITS, outputs)
-        self.output_bias = torch.zeros(_MEMBERS, 1, outputs, dtype=torch.float64).requires_grad_()
+        self.hidden = weights(inputs, units)
+        self.hidden_bias = weights(1, units)
+        self.output = weights(units, outputs)
+        self.output_bias = torch.zeros(members, 1, outputs, dtype=torch.float64).requires_grad_()
 
     def __call__(self, x: torch.Tensor) -> torch.Tensor:
         """Outputs of every member, shape (members, n, outputs), at x, shape (n, inputs)."""
@@ -66,17 +84,25 @@ class _Ensemble:
         result: torch.Tensor = out @ self.output + self.output_bias
         return result
 
-    def train(self, loss_of_outputs: "_Loss", x: torch.Tensor) -> None:
+    def train(
+        self,
+        loss_of_outputs: Callable[[torch.Tensor], torch.Tensor],
+        x: torch.Tensor,
+        *,
+        epochs: int | None = None,
+        weight_decay: float = _WEIGHT_DECAY,
+    ) -> None:
         """Back-propagation, all members at once."""
+        epochs = epochs or _EPOCHS
         optimiser = torch.optim.AdamW(
             [
-                {"params": [self.hidden, self.output], "weight_decay": _WEIGHT_DECAY},
+                {"params": [self.hidden, self.output], "weight_decay": weight_decay},
                 {"params": [self.hidden_bias, self.output_bias], "weight_decay": 0.0},
             ],
             lr=_LEARNING_RATE,
         )
-        schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, _EPOCHS)
-        for _ in range(_EPOCHS):
+        schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, epochs)
+        for _ in range(epochs):
             optimiser.zero_grad()
             loss_of_outputs(self(x)).backward()  # type: ignore[no-untyped-call]
             optimiser.step()
@@ -118,21 +144,21 @@ class Surrogate:
         self._classifier = classifier
         self._offset, self._scale = scaling
         self.targets = targets
-        """Outputs of the walks learnt from that survived, shape (n, 4)."""
+        """Outputs of the walks learnt from that survived, shape (n, k)."""
         self.heldout = heldout
-        """Their prediction by a member that has not seen them, shape (n, 4)."""
+        """Their prediction by a member that has not seen them, shape (n, k)."""
         self.fitted = self._members(x).mean(axis=0)
-        """Their prediction by the whole ensemble, shape (n, 4)."""
+        """Their prediction by the whole ensemble, shape (n, k)."""
         self._residual = (targets - heldout).std(axis=0)
 
     @property
     def r2_train(self) -> FloatArray:
-        """Share of variance explained on the walks learnt from, shape (4,)."""
+        """Share of variance explained on the walks learnt from, shape (k,)."""
         return r_squared(self.targets, self.fitted)
 
     @property
     def r2_heldout(self) -> FloatArray:
-        """Share of variance explained on walks not seen, shape (4,)."""
+        """Share of variance explained on walks not seen, shape (k,)."""
         return r_squared(self.targets, self.heldout)
 
     def predict(self, x: FloatArray) -> Prediction:
@@ -160,7 +186,7 @@ def fit(x: FloatArray, outputs: FloatArray, survived: BoolArray, *, seed: int = 
 
     Args:
         x: Design vectors, shape (n, d).
-        outputs: What was simulated, shape (n, 4), as OUTPUTS; rows of fallen walks are not used.
+        outputs: What was simulated, shape (n, k); rows of fallen walks are not used.
         survived: Whether each walk survived, shape (n,).
         seed: Fixes initial weights and folds.
 
@@ -179,7 +205,7 @@ def fit(x: FloatArray, outputs: FloatArray, survived: BoolArray, *, seed: int = 
     scaling = (targets.mean(axis=0), np.maximum(targets.std(axis=0), 1e-12))
     x_survived = torch.from_numpy(x[survived])
     folds = _folds(survivors, seed)
-    regressor = _Ensemble(x.shape[1], len(OUTPUTS), generator)
+    regressor = _Ensemble(x.shape[1], outputs.shape[1], generator)
     regressor.train(_Loss((targets - scaling[0]) / scaling[1], folds, logistic=False), x_survived)
 
     classifier = None
@@ -192,6 +218,42 @@ def fit(x: FloatArray, outputs: FloatArray, survived: BoolArray, *, seed: int = 
         members = regressor(x_survived).numpy()
     heldout = scaling[0] + scaling[1] * members[folds, np.arange(survivors)]
     return Surrogate(regressor, classifier, scaling, heldout, targets, x[survived])
+
+
+class SingleNetwork:
+    """The paper's network: one, of all walks, without a word about its errors; see `fit_single`."""
+
+    def __init__(self, network: _Ensemble, scaling: tuple[FloatArray, FloatArray]) -> None:
+        self._network = network
+        self._offset, self._scale = scaling
+
+    def predict(self, x: FloatArray) -> Prediction:
+        """Predictions for design vectors, shape (n, d); they admit no doubt."""
+        with torch.no_grad():
+            outputs = self._network(torch.from_numpy(np.asarray(x, dtype=float))).numpy()[0]
+        mean: FloatArray = self._offset + self._scale * outputs
+        return Prediction(mean=mean, deviation=np.zeros_like(mean), survival=np.ones(len(x)))
+
+
+def fit_single(x: FloatArray, targets: FloatArray, *, seed: int = 0) -> SingleNetwork:
+    """Train the paper's network of 16 - 20 - k units on all walks, with nothing held out.
+
+    Args:
+        x: Design vectors, shape (n, d).
+        targets: What was simulated, shape (n, k).
+        seed: Fixes initial weights.
+    """
+    torch.set_num_threads(1)
+    scaling = (targets.mean(axis=0), np.maximum(targets.std(axis=0), 1e-12))
+    standard = torch.from_numpy((targets - scaling[0]) / scaling[1])
+    generator = torch.Generator().manual_seed(seed)
+    network = _Ensemble(x.shape[1], targets.shape[1], generator, members=1, units=_PAPER_UNITS)
+
+    def loss(outputs: torch.Tensor) -> torch.Tensor:
+        return 0.5 * ((outputs - standard) ** 2).mean()  # Eq. 21
+
+    network.train(loss, torch.from_numpy(x), epochs=_PAPER_EPOCHS, weight_decay=0.0)
+    return SingleNetwork(network, scaling)
 
 
 def _folds(count: int, seed: int) -> NDArray[np.int64]:

@@ -67,12 +67,18 @@ class WalkSettings:
     """Takes the place of the fidelity's own; for comparisons."""
     servo: Servo = field(default_factory=Servo)
     """The ten servos."""
+    friction: float = 1.0
+    """Factor on every coefficient of friction between the feet and the ground."""
+    measures: bool = False
+    """Whether to sum up what a walk costs and how it is walked; it triples the time."""
     time_limit: float = 60.0
     """Wall-clock time after which a walk is given up as diverged [s]."""
 
     def __post_init__(self) -> None:
         if not self.time_limit > 0.0:
             raise SettingsError(f"time_limit must be > 0 s, got {self.time_limit}")
+        if not 0.1 <= self.friction <= 1.5:
+            raise SettingsError(f"friction must be a factor of 0.1 to 1.5, got {self.friction}")
 
     @property
     def stepping(self) -> Integrator:

@@ -1,7 +1,7 @@
-"""One expendable process that walks candidates.
+"""One expendable process that walks trials.
 
 It shares nothing with its driver but a pipe of its own, so it may die at any instant, in C++ or by
-`kill -9`: the driver reads the end of the pipe and knows which candidate was being walked. A pool
+`kill -9`: the driver reads the end of the pipe and knows which trial was being walked. A pool
 whose processes share a queue and its locks does not survive that.
 """
 
@@ -22,10 +22,10 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from drake_gait.errors import WorkerError
-from drake_gait.problem import Candidate
+from drake_gait.problem import Trial
 from drake_gait.walk import Walk
 
-WalkFunction = Callable[[Candidate], Walk]
+WalkFunction = Callable[[Trial], Walk]
 
 _WALKS_PER_PROCESS = 1000
 """A process is replaced after so many walks, so that its memory stays bounded."""
@@ -59,8 +59,8 @@ class WorkerProcess:
         self._stopped = False
         self._lock = threading.Lock()
 
-    def walk(self, candidate: Candidate) -> tuple[Walk, float]:
-        """Walk a candidate; returns what it did and how long it took [s].
+    def walk(self, trial: Trial) -> tuple[Walk, float]:
+        """Walk a trial; returns what it did and how long it took [s].
 
         Raises:
             WorkerDiedError: the process died of it, or was killed.
@@ -70,7 +70,7 @@ class WorkerProcess:
         connection = self._ready()
         self._walks += 1
         try:
-            connection.send(candidate)
+            connection.send(trial)
             if not connection.poll(self._time_limit):
                 self.close()
                 reason = f"gave no sign for {self._time_limit:g} s"
@@ -102,7 +102,7 @@ class WorkerProcess:
         return f"exit code {code}"
 
     def _ready(self) -> "Connection[Any, Any]":
-        """The pipe to a process that waits for a candidate."""
+        """The pipe to a process that waits for a trial."""
         if self._walks >= _WALKS_PER_PROCESS:
             self.close()
         if self._process is not None and self._process.poll() is not None:
@@ -191,18 +191,18 @@ def serve(descriptor: int, longest: float) -> None:
         nonlocal function
         function = pickle.loads(pickled)
 
-    def timed(candidate: Candidate) -> tuple[Walk, float]:
+    def timed(trial: Trial) -> tuple[Walk, float]:
         start = time.perf_counter()
-        walk = function(candidate)  # type: ignore[misc]
+        walk = function(trial)  # type: ignore[misc]
         return walk, time.perf_counter() - start
 
     with suppress(EOFError, ConnectionError):
         connection.send(_answer(load, connection.recv_bytes()))
         while True:
-            candidate = connection.recv()
+            trial = connection.recv()
             # Its default action needs no Python, which may be what hangs.
             signal.setitimer(signal.ITIMER_REAL, longest)
-            answer = _answer(timed, candidate)
+            answer = _answer(timed, trial)
             signal.setitimer(signal.ITIMER_REAL, 0.0)
             connection.send(answer)
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Protocol, Self
 
 from drake_gait.errors import SettingsError
-from drake_gait.problem import Candidate
+from drake_gait.problem import Trial
 from drake_gait.walk import Walk
 from drake_gait.worker_process import WalkFunction, WorkerDiedError, WorkerProcess
 
@@ -38,8 +38,8 @@ class Finished:
 class Workers(Protocol):
     """Something that runs walks."""
 
-    def run(self, candidates: Sequence[Candidate]) -> Iterator[Finished]:
-        """Walk all candidates; yield each as it finishes, in any order."""
+    def run(self, trials: Sequence[Trial]) -> Iterator[Finished]:
+        """Walk all trials; yield each as it finishes, in any order."""
         ...
 
 
@@ -49,11 +49,11 @@ class Serial:
     def __init__(self, walk: WalkFunction) -> None:
         self._walk = walk
 
-    def run(self, candidates: Sequence[Candidate]) -> Iterator[Finished]:
-        """Walk all candidates in order."""
-        for index, candidate in enumerate(candidates):
+    def run(self, trials: Sequence[Trial]) -> Iterator[Finished]:
+        """Walk all trials in order."""
+        for index, trial in enumerate(trials):
             start = time.perf_counter()
-            walk = self._walk(candidate)
+            walk = self._walk(trial)
             yield Finished(index=index, walk=walk, seconds=time.perf_counter() - start)
 
 
@@ -65,12 +65,17 @@ class RemoteWorkers(ABC):
         """How workers died in the midst of a walk, and how often."""
 
     @abstractmethod
-    def submit(self, candidate: Candidate) -> "Future[Timed]":
-        """Have a candidate walked; the future raises WorkerDiedError where its worker died."""
+    def submit(self, trial: Trial) -> "Future[Timed]":
+        """Have a trial walked; the future raises WorkerDiedError where its worker died."""
 
-    def run(self, candidates: Sequence[Candidate]) -> Iterator[Finished]:
-        """Walk all candidates; yield each as it finishes, in any order."""
-        pending = {self.submit(candidate): index for index, candidate in enumerate(candidates)}
+    def run(self, trials: Sequence[Trial]) -> Iterator[Finished]:
+        """Start to walk all trials; yield each as it finishes, in any order."""
+        pending = {self.submit(trial): index for index, trial in enumerate(trials)}
+        return self._finished(trials, pending)
+
+    def _finished(
+        self, trials: Sequence[Trial], pending: "dict[Future[Timed], int]"
+    ) -> Iterator[Finished]:
         died = []
         try:
             for future in as_completed(list(pending)):
@@ -83,15 +88,15 @@ class RemoteWorkers(ABC):
                     continue
                 yield Finished(index=index, walk=walk, seconds=seconds)
             for index in died:
-                yield self._alone(index, candidates[index])
+                yield self._alone(index, trials[index])
         finally:
             for future in pending:
                 future.cancel()
 
-    def _alone(self, index: int, candidate: Candidate) -> Finished:
-        """Walk a candidate whose worker died once more, with nothing beside it."""
+    def _alone(self, index: int, trial: Trial) -> Finished:
+        """Walk a trial whose worker died once more, with nothing beside it."""
         try:
-            walk, seconds = self.submit(candidate).result()
+            walk, seconds = self.submit(trial).result()
         except WorkerDiedError as death:
             self.deaths[str(death)] += 1
             walk, seconds = Walk.diverged(f"{death}, twice"), 0.0
@@ -127,13 +132,13 @@ class LocalProcesses(RemoteWorkers):
         for process in self._processes:
             process.close()
 
-    def submit(self, candidate: Candidate) -> "Future[Timed]":
-        """Have the next idle process walk a candidate."""
-        return self._threads.submit(self._walk, candidate)
+    def submit(self, trial: Trial) -> "Future[Timed]":
+        """Have the next idle process walk a trial."""
+        return self._threads.submit(self._walk, trial)
 
-    def _walk(self, candidate: Candidate) -> Timed:
+    def _walk(self, trial: Trial) -> Timed:
         process = self._idle.get()
         try:
-            return process.walk(candidate)
+            return process.walk(trial)
         finally:
             self._idle.put(process)

@@ -14,12 +14,13 @@ import numpy as np
 
 from drake_gait import Candidate, FootDesign, Gait, Study, WalkSettings, assess, simulate
 from drake_gait.foot import N_MM_PER_DEG
-from drake_gait.problem import CONSTRAINT_NAMES, Constraints
+from drake_gait.problem import OUTPUTS, Constraints
+from drake_gait.proposers import training_data
+from drake_gait.ranking import best_walk, feasible_walks
 from drake_gait.recording import record
 from drake_gait.result import in_words
-from drake_gait.search import best_walk, feasible_walks, training_data
 from drake_gait.settings import default_study, study_settings
-from drake_gait.surrogate import OUTPUTS, fit
+from drake_gait.surrogate import fit
 from drake_gait.walk import Fidelity
 from drake_gait.walk_figures import waveforms
 
@@ -44,7 +45,7 @@ first = Candidate(gait=gait)
 walk = simulate(first, history=True)
 print(f"1. first gait: {in_words(walk)}, {walk.outcome}")
 violations = assess(walk, Constraints()).violations
-named = zip(CONSTRAINT_NAMES, violations, strict=True)
+named = zip(Constraints().names, violations, strict=True)
 print("   violations: " + ", ".join(f"{name} {value:.2f}" for name, value in named))
 
 # %% 2. Look at it: a recording for the browser, and what the joints did.
@@ -92,7 +93,7 @@ samples = [walk for walk in walks if walk.stage == "design"]
 feasible = feasible_walks(samples, settings.constraints)
 survived = sum(walk.walk.survived for walk in samples)
 print(f"5. of {len(samples)} samples {survived} walk, {len(feasible)} are feasible")
-network = fit(*training_data(samples, settings.space), seed=options.seed)
+network = fit(*training_data(samples, settings.space, settings.outputs), seed=options.seed)
 for name, train, heldout in zip(OUTPUTS, network.r2_train, network.r2_heldout, strict=True):
     print(f"   R² of {name:<10}  walks learnt from {train:5.2f}   held out {heldout:5.2f}")
 

@@ -9,9 +9,10 @@ from hypothesis import settings as hypothesis_settings
 
 from drake_gait.foot import FootDesign
 from drake_gait.gait import Gait
+from drake_gait.plan import ConfirmationSettings, SearchSettings
 from drake_gait.problem import Candidate, DesignSpace
-from drake_gait.settings import SearchSettings, StudySettings
-from drake_gait.store import StudyWalk
+from drake_gait.records import StudyWalk
+from drake_gait.settings import StudySettings
 from drake_gait.walk import Outcome, Walk
 
 # A law is no race: other processes may hold the machine while an example runs.
@@ -52,6 +53,7 @@ def study(space: DesignSpace) -> StudySettings:
         name="small",
         space=space,
         search=SearchSettings(samples=40, simulations=55, batch=5),
+        confirmation=ConfirmationSettings(walks=0),
     )
 
 

@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 
 import drake_gait
+from drake_gait.records import StudyWalk
 from drake_gait.settings import read_study
-from drake_gait.store import Study, StudyWalk
+from drake_gait.store import Study
 
 ROOT = Path(__file__).parents[1]
 PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]

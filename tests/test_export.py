@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from drake_gait.export import main
-from drake_gait.search import best_walk
+from drake_gait.ranking import best_walk
 from drake_gait.store import Study
 from drake_gait.walk import Outcome, Walk
 

@@ -159,7 +159,7 @@ def test_a_robot_that_does_not_exist_is_one_line_with_those_that_do(capsys, stud
         ("", "broken.sdf is not a well-formed SDF file"),
         ("<sdf", "broken.sdf is not a well-formed SDF file"),
         ("Not XML at all.", "broken.sdf is not a well-formed SDF file"),
-        ("<sdf version='1.9'></sdf>", "no link 'big_toe_r'"),
+        ("<sdf version='1.9'></sdf>", "no link 'foot_r'"),
         (None, "broken.sdf is not a well-formed SDF file"),
     ],
     ids=["empty", "one tag", "text", "no model", "cut in half"],

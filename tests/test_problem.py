@@ -13,15 +13,16 @@ from drake_gait.foot import DESIGN_LIMITS, FootDesign
 from drake_gait.gait import ANGLE_LIMITS, STANDING
 from drake_gait.problem import (
     COEFFICIENTS,
-    CONSTRAINT_NAMES,
+    OUTPUTS,
     Candidate,
     Constraints,
     DesignSpace,
+    Objective,
     assess,
-    scaled_violations,
+    quantities,
 )
 from drake_gait.result import PAPER_TABLE
-from drake_gait.walk import Outcome, Walk
+from drake_gait.walk import Measures, Outcome, Walk
 
 FOOT_RANGES = (
     ("big_toe_stiffness", 0.002, 0.2),
@@ -43,7 +44,7 @@ def a_walk(outcome=Outcome.WALKED, **changes):
 
 def violations(**changes):
     found = assess(a_walk(**changes), Constraints()).violations
-    return dict(zip(CONSTRAINT_NAMES, found.tolist(), strict=True))
+    return dict(zip(Constraints().names, found.tolist(), strict=True))
 
 
 def test_the_constraints_are_the_paper_s():
@@ -136,11 +137,85 @@ def test_a_mirrored_walk_is_as_good(lateral, yaw, com_height):
     assert assess(walk, Constraints()).fitness == assess(mirrored, Constraints()).fitness
 
 
-def test_violations_of_many_walks_are_those_of_each():
-    limits = Constraints(lateral=0.01, yaw=0.1, com_height=0.2)
-    lateral, yaw, height = [0.0, 0.02, -0.03], [0.2, 0.0, -0.05], [0.1, 0.25, 0.2]
-    together = scaled_violations(lateral, yaw, height, limits)
-    assert together == pytest.approx(np.array([[0, 1, 0.5], [1, 0, 0], [2, 0, 0]]))
+def test_a_limit_measures_many_values_at_once_and_inside_it_is_negative():
+    lateral = Constraints(lateral=0.01).limits[0]
+    assert lateral.excess([0.0, 0.02, -0.03, 0.01]) == pytest.approx([-1.0, 1.0, 2.0, 0.0])
+    height = Constraints(com_height=0.2).limits[2]
+    assert height.excess([0.1, 0.25, 0.2]) == pytest.approx([0.5, -0.25, 0.0])
+
+
+MEASURES = Measures(
+    energy=3.0,
+    positive_energy=2.0,
+    cost_of_transport=0.5,
+    peak_torque=1.0,
+    peak_speed=5.0,
+    saturated_fraction=0.01,
+    slip=(0.03, 0.05),
+    clearance=(0.004, 0.002),
+    duty_factor=(0.6, 0.7),
+    toe_range=(0.1, 0.4, 0.2, 0.3),
+    yaw_swing=0.2,
+    torso_tilt=0.1,
+)
+# A limit that MEASURES break, with the violation by hand: the worst of two feet counts.
+BROKEN = [
+    ("energy", 2.0, 0.5),
+    ("positive_energy", 1.0, 1.0),
+    ("cost_of_transport", 0.4, 0.2),
+    ("peak_torque", 0.5, 1.0),
+    ("peak_speed", 4.0, 0.25),
+    ("saturated_fraction", 0.005, 1.0),
+    ("slip", 0.04, 0.25),
+    ("clearance", 0.004, 0.5),
+    ("duty_factor", 0.5, 0.4),
+    ("toe_range", 0.2, 1.0),
+    ("yaw_swing", 0.1, 1.0),
+    ("torso_tilt", 0.05, 1.0),
+]
+
+
+def test_every_measure_of_a_walk_can_be_made_a_constraint():
+    assert [name for name, _, _ in BROKEN] == [field.name for field in dataclasses.fields(Measures)]
+
+
+@pytest.mark.parametrize(("name", "limit", "violation"), BROKEN)
+def test_a_measure_beyond_its_limit_makes_a_walk_infeasible(name, limit, violation):
+    walk = a_walk(measures=MEASURES)
+    assert assess(walk, Constraints()).feasible
+    broken = assess(walk, Constraints(**{name: limit}))
+    assert broken.violations == pytest.approx([0, 0, 0, violation, 0])
+    met = limit / 4.0 if name == "clearance" else limit * 4.0
+    assert assess(walk, Constraints(**{name: met})).feasible
+
+
+def test_a_walk_without_the_measures_that_a_limit_needs_is_a_mistake():
+    with pytest.raises(SettingsError, match=r"slip needs the measures of a walk.*measures=True"):
+        assess(a_walk(), Constraints(slip=0.04))
+
+
+def test_a_diverged_walk_breaks_a_limit_on_its_measures():
+    assessment = assess(Walk.diverged("solver"), Constraints(slip=0.04))
+    assert assessment.violations[3] == 1.0
+    assert not assessment.feasible
+
+
+def test_a_cheaper_walk_is_a_smaller_objective_when_the_cost_of_transport_is_asked_for():
+    cheap = dataclasses.replace(MEASURES, cost_of_transport=0.25)
+    costs = [
+        assess(a_walk(measures=measures), Constraints(), Objective.COST_OF_TRANSPORT).objective
+        for measures in (cheap, MEASURES, dataclasses.replace(MEASURES, cost_of_transport=np.inf))
+    ]
+    assert costs == [-4.0, -2.0, 0.0]
+
+
+def test_a_network_is_asked_for_what_objective_and_constraints_need():
+    assert quantities(Constraints()) == OUTPUTS
+    assert quantities(Constraints(slip=0.04), Objective.COST_OF_TRANSPORT) == (
+        *OUTPUTS,
+        "transport_efficiency",
+        "slip",
+    )
 
 
 @pytest.mark.parametrize("name", ["lateral", "yaw", "com_height"])

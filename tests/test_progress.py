@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from drake_gait.plan import SearchSettings
 from drake_gait.progress import Pace, display
-from drake_gait.search import Progress, search
-from drake_gait.settings import SearchSettings
+from drake_gait.runner import Progress
+from drake_gait.search import search
 from drake_gait.store import Study
 from drake_gait.walk import Outcome, Walk
 from drake_gait.workers import Finished

@@ -5,9 +5,9 @@ import re
 import pytest
 
 from drake_gait import replay
+from drake_gait.ranking import best_walk
 from drake_gait.replay import main
 from drake_gait.result import in_words
-from drake_gait.search import best_walk
 from drake_gait.settings import study_settings
 from drake_gait.simulation import simulate
 from drake_gait.store import Study

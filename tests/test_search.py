@@ -5,18 +5,14 @@ import dataclasses
 import numpy as np
 import pytest
 
-from drake_gait import search as search_module
-from drake_gait import surrogate
-from drake_gait.problem import Constraints, assess
-from drake_gait.search import (
-    best_walk,
-    design_of_experiments,
-    feasible_walks,
-    search,
-    training_data,
-)
-from drake_gait.settings import SearchSettings
-from drake_gait.store import Study, StudyWalk
+from drake_gait import proposers, surrogate
+from drake_gait.plan import SearchSettings
+from drake_gait.problem import OUTPUTS, Constraints, assess
+from drake_gait.proposers import design_of_experiments, training_data
+from drake_gait.ranking import best_walk, feasible_walks
+from drake_gait.records import StudyWalk
+from drake_gait.search import search
+from drake_gait.store import Study
 from drake_gait.walk import Outcome, Walk
 from drake_gait.workers import Finished
 
@@ -63,14 +59,14 @@ class Ground:
         self.stop_after = stop_after
         self.asked = []
 
-    def __call__(self, candidates):
-        order = np.arange(len(candidates))
+    def __call__(self, trials):
+        order = np.arange(len(trials))
         if self.rng is not None:
             order = self.rng.permutation(order)
         for index in order.tolist():
             if len(self.asked) == self.stop_after:
                 raise Interruption
-            x = self.space.encode(candidates[index])
+            x = self.space.encode(trials[index].candidate)
             self.asked.append(x)
             yield Finished(index=index, walk=self.walk(x), seconds=0.0)
 
@@ -79,7 +75,7 @@ class Ground:
 def quick(monkeypatch):
     """Smaller networks and shorter runs of ISADE: the laws here hold for any."""
     monkeypatch.setattr(surrogate, "_EPOCHS", 20)
-    monkeypatch.setattr(search_module, "_ISADE_ITERATIONS", 8)
+    monkeypatch.setattr(proposers, "_ISADE_ITERATIONS", 8)
 
 
 @pytest.fixture
@@ -309,10 +305,11 @@ def test_sampling_on_ends_with_enough_survivors_for_a_network(quick, study, tmp_
     walks = run(settings, tmp_path / "whole.db", Ground(settings.space, rarely))
     stages = [walk.stage for walk in walks]
     first = stages.index("infill")
-    survivors = sum(walk.walk.survived for walk in walks[:first])
     assert first > 20
-    assert survivors >= surrogate.FEWEST_SURVIVORS
-    assert sum(walk.walk.survived for walk in walks[: first - 10]) < surrogate.FEWEST_SURVIVORS
+    # It is made while the ten walks before it are under way, and knows those before them.
+    survived = np.cumsum([walk.walk.survived for walk in walks])
+    assert survived[first - 11] >= surrogate.FEWEST_SURVIVORS
+    assert survived[first - 21] < surrogate.FEWEST_SURVIVORS
     # Interrupted while it samples on, it is the same study.
     path = tmp_path / "parted.db"
     with pytest.raises(Interruption):
@@ -371,7 +368,7 @@ def test_the_network_learns_from_design_vectors_in_the_order_of_the_walks(space,
         )
         for number, walk in enumerate([entry.walk, Walk.diverged("made up")])
     ]
-    vectors, outputs, survived = training_data(walks, space)
+    vectors, outputs, survived = training_data(walks, space, OUTPUTS)
     assert vectors == pytest.approx(x, abs=1e-12)
     walk = entry.walk
     assert outputs[0].tolist() == [walk.forward, walk.lateral, walk.yaw, walk.com_height]

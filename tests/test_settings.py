@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from drake_gait.errors import SettingsError
-from drake_gait.settings import SearchSettings, read_override, read_study, study_settings
+from drake_gait.plan import SearchSettings
+from drake_gait.settings import read_override, read_study, study_settings
 from drake_gait.walk import Fidelity
 
 MINIMAL = """

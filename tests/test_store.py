@@ -360,7 +360,8 @@ import dataclasses, pathlib, sys
 import numpy as np
 from drake_gait.gait import STANDING
 from drake_gait.problem import Candidate
-from drake_gait.store import Study, StudyWalk
+from drake_gait.store import Study
+from drake_gait.records import StudyWalk
 from drake_gait.walk import Walk
 
 study = Study.create(pathlib.Path(sys.argv[1]), {"settings": {}, "model_sha256": ""})

@@ -7,7 +7,7 @@ import sqlite3
 import numpy as np
 import pytest
 
-from drake_gait.search import feasible_walks
+from drake_gait.ranking import feasible_walks
 from drake_gait.store import Study
 from drake_gait.studies import main
 from drake_gait.walk import Outcome, Walk

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from drake_gait.errors import SettingsError
-from drake_gait.surrogate import FEWEST_SURVIVORS, OUTPUTS, fit, r_squared
+from drake_gait.problem import OUTPUTS
+from drake_gait.surrogate import FEWEST_SURVIVORS, fit, r_squared
 
 
 def points(count, *, seed=0, dimension=16):

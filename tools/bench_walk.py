@@ -27,7 +27,7 @@ import numpy as np
 from drake_gait import simulation
 from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray, Gait
 from drake_gait.problem import Candidate, assess
-from drake_gait.search import design_of_experiments
+from drake_gait.proposers import design_of_experiments
 from drake_gait.settings import StudySettings, default_study, read_study
 from drake_gait.walk import Fidelity, Integrator, Walk, WalkSettings
 
