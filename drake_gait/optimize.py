@@ -17,6 +17,7 @@ from drake_gait.errors import GaitError
 from drake_gait.interruption import exit_status, sigterm_interrupts
 from drake_gait.outputs import write_outputs
 from drake_gait.progress import display
+from drake_gait.records import CONFIRMATIONS
 from drake_gait.result import in_words, manner_in_words, r_squared_line, robust_table, table
 from drake_gait.settings import StudySettings, default_study, read_override, read_study
 from drake_gait.store import Study
@@ -102,7 +103,8 @@ def _run(settings: StudySettings, folder: Path, workers: int) -> int:
                 "starts another study"
             )
         else:
-            with display(settings, len(study.walks())) as show:
+            walks = sum(walk.id < CONFIRMATIONS for walk in study.walks())
+            with display(settings, walks) as show:
                 run_study(settings, study, workers, show)
         _write_results(settings, study, folder)
     return 0

@@ -115,11 +115,12 @@ class _Lines:
             self._print(self._waiting)
 
     def __call__(self, progress: Progress) -> None:
-        self._pace.note(progress.walks)
+        done = progress.walks + progress.confirmations
+        self._pace.note(done)
         self._waiting = progress
-        if progress.walks >= self._next:
+        if done >= self._next:
             self._print(progress)
-            self._next = progress.walks - progress.walks % self._every + self._every
+            self._next = done - done % self._every + self._every
 
     def _print(self, progress: Progress) -> None:
         self._waiting = None
@@ -151,7 +152,7 @@ class _Picture:
         self._live.stop()
 
     def __call__(self, progress: Progress) -> None:
-        self._pace.note(progress.walks)
+        self._pace.note(progress.walks + progress.confirmations)
         self._latest = progress
         if self._clock() - self._drawn >= _REDRAWING:
             self._draw()
@@ -195,6 +196,8 @@ def _speed(pace: Pace) -> str:
 
 
 def _left(pace: Pace, progress: Progress) -> str:
+    if progress.confirmations:  # How many it takes is known when they are done.
+        return f"confirmations {progress.confirmations}"
     if pace.speed is None:
         return "time left ?"
     minutes, seconds = divmod(round((progress.total - progress.walks) / pace.speed), 60)

@@ -10,7 +10,7 @@ from typing import Any
 from drake_gait.errors import StudyError
 from drake_gait.lock import is_driven
 from drake_gait.ranking import feasible_walks
-from drake_gait.records import StudyWalk
+from drake_gait.records import CONFIRMATIONS, StudyWalk
 from drake_gait.settings import study_settings
 from drake_gait.store import Study, study_file
 
@@ -36,20 +36,20 @@ class Standing:
     stages: Mapping[str, int]
     """Walks by what they were simulated for."""
     survivors: int
-    """Walks whose robot stayed on its feet."""
+    """Walks of the search whose robot stayed on its feet."""
     failures: Mapping[str, int]
     """The other walks by what kept them from their last frame; the frequent ones first."""
     feasible: int
-    """Walks that satisfy every constraint."""
+    """Candidates whose walk satisfies every constraint."""
     best: tuple[StudyWalk, ...]
-    """The furthest feasible walks, at most eight."""
+    """The best feasible walks of the search, at most eight."""
     result: Mapping[str, Any] | None
     """What result.json holds, if it is there."""
 
     @property
     def walks(self) -> int:
-        """Walks simulated."""
-        return sum(self.stages.values())
+        """Walks of the search; those that confirm its best come on top."""
+        return self.survivors + sum(self.failures.values())
 
     @property
     def total(self) -> int:
@@ -113,8 +113,9 @@ def standing(path: str | Path) -> Standing:
     with Study.open(file) as study:
         description, walks = study.description(), study.walks()
     ended = "finished" if "finished" in description else "unfinished"
-    feasible = feasible_walks(walks, study_settings(description["settings"]).constraints)
-    failures = Counter(walk.walk.failure for walk in walks)
+    settings = study_settings(description["settings"])
+    feasible = feasible_walks(walks, settings.constraints, settings.search.objective)
+    failures = Counter(walk.walk.failure for walk in walks if walk.id < CONFIRMATIONS)
     return Standing(
         folder=file.parent,
         state="running" if running else ended,

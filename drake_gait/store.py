@@ -202,15 +202,18 @@ class Study:
         """All walks so far, in the order of their ids: `pandas.DataFrame(study.table())`.
 
         Returns:
-            Every column of the file by its name, shape (n,): whole numbers as int64, numbers as
-            float64 (nan where the file has none), text as str. Units are those of docs/studies.md.
+            Every column of the file by its name, shape (n,): whole numbers as int64, others and
+            those that a walk may lack as float64 (nan where it does), text as str. Units are those
+            of docs/studies.md.
         """
         names, rows = self.rows()
         with _reporting(self.path):
-            kinds = {
-                name: kind.lower()
-                for _, name, kind, *_ in self._connection.execute("pragma table_info(walks)")
-            }
+            info = self._connection.execute("pragma table_info(walks)").fetchall()
+        # No whole number stands for none.
+        kinds = {
+            name: "real" if kind.lower() == "integer" and not (filled or key) else kind.lower()
+            for _, name, kind, filled, _, key in info
+        }
         columns = zip(*rows, strict=True) if rows else [()] * len(names)
         return {
             name: _column(values, kinds[name]) for name, values in zip(names, columns, strict=True)
@@ -232,8 +235,6 @@ def study_file(path: str | Path) -> Path:
 
 
 def _column(values: Sequence[Any], kind: str) -> NDArray[Any]:
-    if kind == "integer" and None in values:
-        kind = "real"  # No whole number stands for none.
     filled = [_MISSING[kind] if value is None else value for value in values]
     return np.array(filled, dtype=_DTYPES[kind])
 

@@ -95,7 +95,7 @@ def _show(path: Path) -> tuple[str, Any]:
     lines += [question, ""] if question else [""]
     lines.append(_aligned([*_numbers([one]), ["failures", _counts(one.failures)]]))
     if one.best:
-        lines += ["", "the furthest feasible walks", _walks(one)]
+        lines += ["", "the best feasible walks", _walks(one)]
     lines += ["", "settings (SI units)"]
     lines.append(_aligned([[key, _short(one.settings[key])] for key in sorted(one.settings)]))
     lines += ["", "versions", _aligned(list(one.versions.items()))]

@@ -186,6 +186,13 @@ def test_the_time_left_is_that_of_the_walks_left(of_400, clock, walks, left):
     assert f"time left {left}" in text.splitlines()[-1]
 
 
+def test_walks_that_confirm_others_are_told_in_the_place_of_the_time_left(of_400, clock):
+    reports = [told(400, confirmations=number) for number in range(61)]
+    lines = shown(of_400, reports, file=io.StringIO(), clock=clock).splitlines()
+    assert "time left" in lines[1]
+    assert [line.split("confirmations ")[1].split()[0] for line in lines[2:]] == ["20", "40", "60"]
+
+
 def test_hours_left_are_told_as_hours(study, clock):
     long = dataclasses.replace(study, search=SearchSettings(samples=1, simulations=4002))
     reports = [told(1, total=4002), told(2, total=4002)]

@@ -7,10 +7,12 @@ import sqlite3
 import numpy as np
 import pytest
 
+from drake_gait.problem import Objective
 from drake_gait.ranking import feasible_walks
+from drake_gait.records import CONFIRMATIONS
 from drake_gait.store import Study
 from drake_gait.studies import main
-from drake_gait.walk import Outcome, Walk
+from drake_gait.walk import Measures, Outcome, Walk
 
 
 @pytest.fixture
@@ -71,8 +73,8 @@ def test_a_list_has_a_line_for_each_study_below_the_folder(make, capsys, tmp_pat
     make("deep/two", finished=False, seed=7, walked=0).close()
     lines = told(capsys, "list", tmp_path).splitlines()
     assert spaced(lines[0]) == "folder study seed mode state walks survivors feasible best"
-    assert spaced(lines[1]) == "deep/two small 7 - unfinished 3/55 0 0 none"
-    assert spaced(lines[2]) == "one small 0 - finished 6/55 3 3 300.0 mm"
+    assert spaced(lines[1]) == "deep/two small 7 default unfinished 3/55 0 0 none"
+    assert spaced(lines[2]) == "one small 0 default finished 6/55 3 3 300.0 mm"
     assert len(lines) == 3
 
 
@@ -127,6 +129,33 @@ def test_a_study_is_shown_by_its_file_too_and_without_any_walk(make, capsys, tmp
     text = told(capsys, "show", tmp_path / "one" / "study.db")
     assert "walks          0 of 55" in text
     assert "feasible walks" not in text
+
+
+def test_walks_that_confirm_others_come_on_top_of_those_of_the_search(
+    make, capsys, tmp_path, entry
+):
+    with make() as study:
+        for number in range(4):
+            again = {"id": CONFIRMATIONS + number, "stage": "confirmation", "nominal": 2}
+            study.add(dataclasses.replace(entry, **again))
+    one = as_json(capsys, "show", tmp_path / "one")
+    assert (one["walks"], one["survivors"], one["stages"]["confirmation"]) == (6, 3, 4)
+    assert max(best["walk"] for best in one["best"]) < CONFIRMATIONS
+
+
+def test_the_best_walks_are_best_by_what_the_study_wants(make, capsys, tmp_path, study, entry):
+    cheap = dataclasses.replace(study.search, objective=Objective.COST_OF_TRANSPORT)
+    with make(search=cheap, walked=0, fell=0) as opened:
+        for number, cost in enumerate((0.5, 0.2, 0.3)):
+            numbers = {field.name: 0.5 for field in dataclasses.fields(Measures)}
+            for name, size in (("slip", 2), ("clearance", 2), ("duty_factor", 2), ("toe_range", 4)):
+                numbers[name] = (0.01,) * size
+            walk = dataclasses.replace(
+                entry.walk, measures=Measures(**{**numbers, "cost_of_transport": cost})
+            )
+            opened.add(dataclasses.replace(entry, id=10 + number, walk=walk))
+    one = as_json(capsys, "show", tmp_path / "one")
+    assert [best["walk"] for best in one["best"]] == [11, 12, 10]
 
 
 def test_r_squared_is_shown_while_it_is_of_all_walks(make, capsys, tmp_path, entry):

@@ -71,7 +71,8 @@ def beyond(text):
     if found := re.fullmatch(r"> (\d+)", text):
         return [int(found[1]), -1]
     if found := re.fullmatch(r"([\d.]+) to ([\d.]+)", text):
-        return [0.99 * float(found[1]), 1.01 * float(found[2])]
+        low, high = float(found[1]), float(found[2])
+        return [0.99 * low if low else -0.001, 1.01 * high]
     return []
 
 
