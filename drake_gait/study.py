@@ -4,6 +4,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from drake_gait.errors import StudyError
 from drake_gait.result import file_sha256, versions
@@ -15,7 +16,7 @@ from drake_gait.simulation import walk_trial
 from drake_gait.store import Study
 from drake_gait.workers import LocalProcesses
 
-_STARTING_TIME = 60.0  # What a worker may need beside its walk, to import and to build [s].
+STARTING_TIME = 60.0  # What a worker may need beside its walk, to import and to build [s].
 
 
 def open_study(settings: StudySettings, folder: Path) -> Study:
@@ -29,10 +30,7 @@ def open_study(settings: StudySettings, folder: Path) -> Study:
     """
     build_robot(settings.walk.model, settings.space.foot, settings.walk.servo)
     path = folder / "study.db"
-    wanted = {
-        "settings": settings.description(),
-        "model_sha256": file_sha256(model_path(settings.walk.model)),
-    }
+    wanted = _wanted(settings)
     if not path.exists():
         return Study.create(path, {**wanted, "versions": versions()})
     study = Study.open(path, driver=True)
@@ -43,6 +41,30 @@ def open_study(settings: StudySettings, folder: Path) -> Study:
         study.close()
         raise
     return study
+
+
+def is_finished(settings: StudySettings, folder: Path) -> bool:
+    """Whether the folder holds this study, at its end.
+
+    Raises:
+        StudyError: it holds another one.
+    """
+    path = folder / "study.db"
+    if not path.exists():
+        return False
+    with Study.open(path) as study:
+        study.require(_wanted(settings))
+        known = study.description()
+    budget = known["settings"]["search.simulations"]
+    return "finished" in known and budget == settings.search.simulations
+
+
+def _wanted(settings: StudySettings) -> dict[str, Any]:
+    """What a study must have begun with, to be this one."""
+    return {
+        "settings": settings.description(),
+        "model_sha256": file_sha256(model_path(settings.walk.model)),
+    }
 
 
 def run_study(
@@ -61,7 +83,7 @@ def run_study(
     """
     started, before = time.monotonic(), study.description()
     deaths = Counter(before.get("worker_deaths", {}))
-    limit = settings.walk.time_limit + _STARTING_TIME
+    limit = settings.walk.time_limit + STARTING_TIME
     try:
         with LocalProcesses(walk_trial, count=workers, time_limit=limit) as processes:
             try:

@@ -25,7 +25,7 @@ WALLS = {
     "sqlite3": {"store"},
     "dask": {"workers"},
     "distributed": {"workers"},
-    "matplotlib": {"figures", "walk_figures", "study_figures"},
+    "matplotlib": {"figures", "walk_figures", "study_figures", "sweep_figures"},
     "rich": {"progress"},
     "optuna": {"optuna_study"},
     "jinja2": {"report_page"},
