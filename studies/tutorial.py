@@ -13,11 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from drake_gait import Candidate, FootDesign, Gait, Study, WalkSettings, assess, simulate
+from drake_gait.confirmation import winner
 from drake_gait.foot import N_MM_PER_DEG
 from drake_gait.problem import OUTPUTS, Constraints
 from drake_gait.proposers import training_data
 from drake_gait.ranking import best_walk, feasible_walks
 from drake_gait.recording import record
+from drake_gait.records import StudyWalk
 from drake_gait.result import in_words
 from drake_gait.settings import default_study, study_settings
 from drake_gait.surrogate import fit
@@ -86,7 +88,7 @@ def run(study: Path, folder: Path) -> None:
 run(default_study(), options.out / "gait")
 
 # %% 5. What its samples say: how many walk, and what a network learns from them.
-with Study.open(options.out / "gait" / "study.db") as study:
+with Study.open(options.out / "gait") as study:
     settings = study_settings(study.description()["settings"])
     walks = study.walks()
 samples = [walk for walk in walks if walk.stage == "design"]
@@ -97,11 +99,24 @@ network = fit(*training_data(samples, settings.space, settings.outputs), seed=op
 for name, train, heldout in zip(OUTPUTS, network.r2_train, network.r2_heldout, strict=True):
     print(f"   R² of {name:<10}  walks learnt from {train:5.2f}   held out {heldout:5.2f}")
 
-# %% 6. What the search made of it.
-winner = best_walk(walks, settings.constraints)
-best_sample = best_walk(samples, settings.constraints)
-print(f"6. best sample:  {in_words(best_sample.walk)}")
-print(f"   after search: {in_words(winner.walk)}")
+
+# %% 6. What the search made of it: the furthest walk, and the one that survived its confirmation.
+def result(folder: Path) -> tuple[StudyWalk, str]:
+    """A study's robust winner, or where there is none its furthest walk, with a word on it."""
+    with Study.open(folder) as study:
+        settings = study_settings(study.description()["settings"])
+        walks = study.walks()
+    found = winner(settings, walks)
+    if found is None:
+        return best_walk(walks, settings.constraints), "the furthest; none was robust"
+    return found.walk, f"robust: {found.feasible} of {len(found.variations)} perturbed feasible"
+
+
+furthest = best_walk(walks, settings.constraints)
+on_paper_foot, verdict = result(options.out / "gait")
+print(f"6. best sample:  {in_words(best_walk(samples, settings.constraints).walk)}")
+print(f"   furthest:     {in_words(furthest.walk)}")
+print(f"   winner:       {in_words(on_paper_foot.walk)} ({verdict})")
 
 # %% 7. Open the foot: the same study, with the springs and the width of the big toe to be chosen.
 codesign = options.out / "codesign.toml"
@@ -116,8 +131,8 @@ big_toe_width_mm = [14.0, 40.0]
     encoding="utf-8",
 )
 run(codesign, options.out / "codesign")
-with Study.open(options.out / "codesign" / "study.db") as study:
-    codesigned = best_walk(study.walks(), settings.constraints)
+codesigned, verdict = result(options.out / "codesign")
+print(f"7. winner:       {in_words(codesigned.walk)} ({verdict})")
 
 
 # %% 8. Compare: nominal, perturbed, and with an integrator that controls its errors.
@@ -134,7 +149,7 @@ reference = WalkSettings(fidelity=Fidelity.REFERENCE)
 print("8. compare")
 for name, candidate in (
     ("first gait", first),
-    ("paper's foot", winner.candidate),
+    ("paper's foot", on_paper_foot.candidate),
     ("co-designed", codesigned.candidate),
 ):
     print(f"   {name}: {foot_in_words(candidate.foot)}")
