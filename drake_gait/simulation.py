@@ -180,7 +180,8 @@ def _advance(
         simulator.set_monitor(observer.monitor)
     for frame in range(1, FRAMES + 1):
         try:
-            simulator.AdvanceTo(frame * FRAME_TIME)
+            # Ctrl-C is heard between frames; Drake would look for it in every step.
+            simulator.AdvanceTo(frame * FRAME_TIME, interruptible=False)
         # Drake raises a failed assertion of its solver as SystemExit.
         except (RuntimeError, SystemExit) as error:
             return Walk.diverged(f"solver: {str(error).splitlines()[0]}", steps=frame - 1)
