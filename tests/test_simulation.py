@@ -52,6 +52,21 @@ def test_the_same_candidate_walks_the_same_after_any_other_walk_and_in_any_proce
     assert json.loads(elsewhere.stdout) == numbers(first)
 
 
+def test_a_process_that_only_walks_imports_nothing_heavy_but_drake() -> None:
+    listed = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            "import sys, drake_gait.worker_process, drake_gait.simulation; print(*sys.modules)",
+        ],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout.split()
+    assert "drake_gait.simulation" in listed
+    assert not {"torch", "matplotlib", "scipy", "sqlite3", "dask"} & set(listed)
+
+
 def test_watching_a_walk_does_not_change_it() -> None:
     assert numbers(simulate(WALKING, history=True)) == numbers(simulate(WALKING))
 
@@ -118,12 +133,12 @@ def test_a_solver_that_fails_is_an_outcome_with_its_reason(
     monkeypatch: pytest.MonkeyPatch, failure: BaseException
 ) -> None:
     follow(STANDING.commands)  # What is cached is built before the solver breaks.
-    advance: Callable[[Simulator, float], object] = Simulator.AdvanceTo
+    advance: Callable[..., object] = Simulator.AdvanceTo
 
-    def fail_after_a_second(simulator: Simulator, boundary_time: float) -> object:
+    def fail_after_a_second(simulator: Simulator, boundary_time: float, **options: bool) -> object:
         if boundary_time > 1.0:
             raise failure
-        return advance(simulator, boundary_time)
+        return advance(simulator, boundary_time, **options)
 
     monkeypatch.setattr(Simulator, "AdvanceTo", fail_after_a_second)
     walk = simulate(WALKING)
