@@ -149,8 +149,8 @@ class _Race:
         """Those that are walked again next; none when the race is over."""
         if sum(self._is_robust(one) for one in self._field) >= self._plan.winners:
             return []
-        open_ = [one for one in self._field if not self._is_decided(one)][:_IN_TURN]
-        return open_ if self._used + len(open_) <= self._plan.walks else []
+        open_ = [one for one in self._field if not self._is_decided(one)]
+        return open_[: min(_IN_TURN, self._plan.walks - self._used)]
 
     def next_walks(self, contenders: Sequence[Sample]) -> list[Planned]:
         """One more variation of each."""
