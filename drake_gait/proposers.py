@@ -36,6 +36,9 @@ _PAPER_ITERATIONS, _PAPER_STAGNATION = 1000, 50
 
 _POPULATION = 30
 """Individuals of ISADE on the simulator: a budget of hundreds of walks bears no more."""
+_GENERATIONS = 13
+"""Generations over which its steps shrink, those of 400 walks: were they the budget's own, a larger
+budget would change walks that there are."""
 _STEP = 0.5
 """First step size of CMA-ES in units of the box."""
 
@@ -263,12 +266,11 @@ class DirectIsade:
         """A generation."""
         settings = self._settings
         if self._optimiser is None:
-            generations = settings.search.simulations // (_POPULATION * settings.search.replicas)
             self._optimiser = isade.Isade(
                 settings.space.limits,
                 population_size=_POPULATION,
                 seed=_seed(settings.seed, _PROPOSAL),
-                max_generations=max(1, generations),
+                max_generations=_GENERATIONS,
                 initial=_latin_hypercube(settings, _POPULATION, _DESIGN),
             )
         while self._optimiser.generation < iteration:  # Also what a study did before it went on.
