@@ -1,3 +1,4 @@
+import dataclasses
 import subprocess
 import sys
 from pathlib import Path
@@ -7,13 +8,17 @@ import numpy as np
 import pytest
 from hypothesis import settings as hypothesis_settings
 
+from drake_gait import proposers, surrogate
 from drake_gait.foot import FootDesign
 from drake_gait.gait import Gait
 from drake_gait.plan import ConfirmationSettings, SearchSettings
 from drake_gait.problem import Candidate, DesignSpace
 from drake_gait.records import StudyWalk
+from drake_gait.search import search
 from drake_gait.settings import StudySettings
-from drake_gait.walk import Outcome, Walk
+from drake_gait.store import Study
+from drake_gait.walk import Measures, Outcome, Walk
+from drake_gait.workers import Finished
 
 # A law is no race: other processes may hold the machine while an example runs.
 hypothesis_settings.register_profile("laws", deadline=None, max_examples=40)
@@ -25,6 +30,92 @@ def texts(svg: Path) -> list[str]:
     root = ElementTree.parse(svg).getroot()
     found = ("".join(node.itertext()).strip() for node in root.iter() if node.tag.endswith("text"))
     return [text for text in found if text]
+
+
+TARGET = np.array([0.8, -0.5, 0.3, 0.4, -0.6, 0.7, -0.2, 0.1])
+
+
+def walk_at(x):
+    """A walk that depends smoothly on the design vector, with a region where the robot falls."""
+    if x[3] + x[4] > 1.2:
+        return Walk(
+            outcome=Outcome.FELL, steps=120, forward=0.05, lateral=0.03, yaw=0.5, com_height=0.1
+        )
+    return Walk(
+        outcome=Outcome.WALKED,
+        steps=240,
+        forward=float(0.15 - 0.01 * ((x[:8] - TARGET) ** 2).sum()),
+        lateral=float(0.03 * x[8] + 0.01 * x[9] * x[10]),
+        yaw=float(0.15 * np.sin(x[11])),
+        com_height=float(0.2445 + 0.002 * x[12]),
+    )
+
+
+def fall_at(x):
+    return Walk(
+        outcome=Outcome.FELL,
+        steps=int(100 + 20 * x[0]),
+        forward=0.0,
+        lateral=0.0,
+        yaw=0.0,
+        com_height=0.1,
+    )
+
+
+class Interruption(BaseException):
+    """What stops a driver in the midst of its work."""
+
+
+class Ground:
+    """Computes walks, and remembers what it was asked for, in the order of finishing."""
+
+    def __init__(self, space, walk=walk_at, *, shuffle=None, stop_after=None):
+        self.space, self.walk = space, walk
+        self.rng = None if shuffle is None else np.random.default_rng(shuffle)
+        self.stop_after = stop_after
+        self.asked = []
+        self.trials = []
+
+    def __call__(self, trials):
+        order = np.arange(len(trials))
+        if self.rng is not None:
+            order = self.rng.permutation(order)
+        for index in order.tolist():
+            if len(self.asked) == self.stop_after:
+                raise Interruption
+            x = self.space.encode(trials[index].candidate)
+            self.asked.append(x)
+            self.trials.append(trials[index])
+            yield Finished(index=index, walk=self.walk(x), seconds=0.0)
+
+
+def planned(settings, **plan):
+    return dataclasses.replace(settings, search=SearchSettings(**plan))
+
+
+def run(settings, path, ground=None, report=lambda progress: None):
+    """Start or go on with a study; its walks."""
+    ground = ground or Ground(settings.space)
+    opened = Study.open(path, driver=True) if path.exists() else Study.create(path, {})
+    with opened as study:
+        search(settings, study, ground, report)
+        return study.walks()
+
+
+def numbers(walks):
+    """All that a study says of its walks."""
+    return [
+        (
+            walk.id,
+            walk.stage,
+            walk.iteration,
+            walk.candidate.gait.coefficients.tobytes(),
+            dataclasses.astuple(walk.candidate.foot),
+            dataclasses.astuple(walk.walk),
+            walk.predicted,
+        )
+        for walk in walks
+    ]
 
 
 @pytest.fixture(scope="session")
@@ -46,7 +137,7 @@ def space() -> DesignSpace:
     )
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def study(space: DesignSpace) -> StudySettings:
     """A small study."""
     return StudySettings(
@@ -67,6 +158,25 @@ def walked() -> Walk:
         lateral=-1 / 300,
         yaw=np.pi / 97,
         com_height=0.245 + 1e-12 / 3,
+    )
+
+
+@pytest.fixture
+def measures() -> Measures:
+    """Measures of a walk, no two alike."""
+    return Measures(
+        energy=7.0 / 3.0,
+        positive_energy=5.0 / 3.0,
+        cost_of_transport=1.0 / 0.7,
+        peak_torque=0.9,
+        peak_speed=6.1,
+        saturated_fraction=0.011,
+        slip=(0.003, 0.004),
+        clearance=(0.012, 0.009),
+        duty_factor=(0.61, 0.63),
+        toe_range=(0.21, 0.11, 0.23, 0.13),
+        yaw_swing=0.31,
+        torso_tilt=0.15,
     )
 
 
@@ -101,3 +211,22 @@ def finished_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     )
     assert (ended.returncode, ended.stderr) == (0, "")
     return folder, ended.stdout
+
+
+def shorten_trainings(monkeypatch):
+    """Smaller networks and shorter runs of ISADE: the laws of a search hold for any."""
+    monkeypatch.setattr(surrogate, "_EPOCHS", 20)
+    monkeypatch.setattr(surrogate, "_PAPER_EPOCHS", 20)
+    monkeypatch.setattr(proposers, "_ISADE_ITERATIONS", 8)
+    monkeypatch.setattr(proposers, "_PAPER_ITERATIONS", 8)
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """A search that learns little in a short time."""
+    shorten_trainings(monkeypatch)
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "study.db"
