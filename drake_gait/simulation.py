@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -25,6 +26,9 @@ FALL_TILT = math.radians(45.0)
 FALL_HEIGHT = 0.8
 """The robot has fallen when its torso is below this part of its standing height."""
 
+Watch = Callable[[float, FloatArray], None]
+"""Takes an instant [s] and the positions of the plant, shape (n,)."""
+
 _UPRIGHT = math.cos(FALL_TILT)
 
 _TOLERANCE = 1e-5
@@ -40,7 +44,11 @@ _STEP_EXCESS = 1.0 + 1e-6
 
 
 def simulate(
-    candidate: Candidate, settings: WalkSettings | None = None, *, history: bool = False
+    candidate: Candidate,
+    settings: WalkSettings | None = None,
+    *,
+    history: bool = False,
+    watch: Watch | None = None,
 ) -> Walk:
     """Walk a candidate for 4.8 s from a standing start.
 
@@ -50,11 +58,12 @@ def simulate(
         candidate: The gait, and the foot it walks on.
         settings: How to simulate; by default the shipped robot at search fidelity.
         history: Whether to record time histories at the control frames, and measures.
+        watch: Told of every frame as it is reached; it changes no number.
 
     Raises:
         ModelError: the robot description cannot be used.
     """
-    return follow(candidate.gait.commands, candidate.foot, settings, history=history)
+    return follow(candidate.gait.commands, candidate.foot, settings, history=history, watch=watch)
 
 
 def walk_trial(trial: Trial) -> Walk:
@@ -68,6 +77,7 @@ def follow(
     settings: WalkSettings | None = None,
     *,
     history: bool = False,
+    watch: Watch | None = None,
 ) -> Walk:
     """Let the servos follow any joint commands from a standing start, for 4.8 s.
 
@@ -76,6 +86,7 @@ def follow(
         foot: The toes; the paper's by default.
         settings: How to simulate; by default the shipped robot at search fidelity.
         history: Whether to record time histories at the control frames, and measures.
+        watch: Told of every frame as it is reached.
 
     Raises:
         ModelError: the robot description cannot be used.
@@ -83,7 +94,7 @@ def follow(
     foot, settings = foot or FootDesign(), settings or WalkSettings()
     robot, context = prepare(commands, foot, settings)
     observer = Observer(robot, commands) if history or settings.measures else None
-    walk = _advance(robot, context, settings, observer)
+    walk = _advance(robot, context, settings, observer, watch)
     return walk if history else replace(walk, history=None)
 
 
@@ -161,7 +172,11 @@ def _loosen(integrator: CenicIntegrator) -> None:
 
 
 def _advance(
-    robot: Robot, context: Context, settings: WalkSettings, observer: Observer | None
+    robot: Robot,
+    context: Context,
+    settings: WalkSettings,
+    observer: Observer | None,
+    watch: Watch | None,
 ) -> Walk:
     """Step through the frames until the end, a fall or a failure."""
     plant = robot.plant
@@ -187,6 +202,8 @@ def _advance(
             return Walk.diverged(f"solver: {str(error).splitlines()[0]}", steps=frame - 1)
         if observer:
             observer.record(context)
+        if watch:
+            watch(frame * FRAME_TIME, plant.GetPositions(plant_context))
         heading, upright, height = torso_posture(plant.GetPositions(plant_context)[pose])
         headings.append(heading)
         # Written so that a state that is not a number counts as a fall.

@@ -1,22 +1,18 @@
 import dataclasses
 import re
-import shutil
-import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.image import imread
+from browser import address, in_a_browser, opened
 
-from drake_gait import recording
 from drake_gait.errors import GaitError, SettingsError
 from drake_gait.gait import Gait
 from drake_gait.problem import Candidate
-from drake_gait.recording import record
+from drake_gait.recording import Exhibit, record, record_gallery
+from drake_gait.scene import floor_extent
 from drake_gait.simulation import simulate
 from drake_gait.walk import Walk
-
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
 
 @pytest.fixture(scope="module")
@@ -105,82 +101,94 @@ def test_a_file_that_cannot_be_written_is_named(
         record(walk, candidate, tmp_path / "nowhere" / "walk.html")
 
 
-def test_no_free_port_is_one_clear_error(
-    walk: Walk, candidate: Candidate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_gallery_shares_one_page_and_names_every_walk(
+    walk: Walk, candidate: Candidate, page: Path, tmp_path: Path
 ) -> None:
-    def no_port(_: object) -> None:
-        raise RuntimeError("Meshcat failed to open a websocket port.\nand more")
-
-    monkeypatch.setattr(recording, "Meshcat", no_port)
-    with pytest.raises(GaitError, match=r"no free port from 7000 to 7999.*websocket port\.$"):
-        record(walk, candidate, tmp_path / "walk.html")
-
-
-def test_a_path_is_drawn_as_a_tube_of_one_radius_around_its_points() -> None:
-    angle = np.linspace(0.0, 6.0, 50)
-    points = np.stack([np.cos(angle), np.sin(angle), 0.1 * angle], axis=1)
-    vertices, faces = recording._tube(points, 0.01)
-    distance = np.linalg.norm(vertices.T.reshape(50, 4, 3) - points[:, None], axis=2)
-    np.testing.assert_allclose(distance, 0.01)
-    assert faces.shape == (3, 8 * 49)
-    assert sorted(set(faces.ravel())) == list(range(200))
+    path = tmp_path / "gallery.html"
+    names = ["seed 0", "seed 1 </script>"]
+    exhibits = [Exhibit(walk=walk, candidate=candidate, label=name) for name in names]
+    record_gallery(exhibits, path, caption="Two of them")
+    text = path.read_text(encoding="utf-8")
+    assert '"seed 0"' in text
+    assert "seed 1 </script>" not in text
+    assert path.stat().st_size < 1.5 * page.stat().st_size
 
 
-def test_grid_lines_are_one_spacing_apart_and_fill_the_rectangle() -> None:
-    begin, end = recording._grid(np.array([0.0, -0.2]), np.array([0.1, 0.3]), 0.1, 0.0)
-    across_x, across_y = (end - begin)[:2] != 0.0
-    np.testing.assert_allclose(begin[0, across_y], [0.0, 0.1])
-    np.testing.assert_allclose(begin[1, across_x], [-0.2, -0.1, 0.0, 0.1, 0.2, 0.3], atol=1e-12)
+def test_a_gallery_of_nothing_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(SettingsError, match="at least one walk"):
+        record_gallery([], tmp_path / "gallery.html")
 
 
-def screenshot(page: str, target: Path, milliseconds: int) -> tuple[np.ndarray, str]:
-    """What Chromium shows of a page after some virtual time, without a network; and its log."""
-    assert CHROMIUM is not None
-    run = subprocess.run(
-        [
-            CHROMIUM,
-            "--headless",
-            "--no-sandbox",
-            "--use-angle=swiftshader",
-            "--enable-unsafe-swiftshader",
-            "--disable-background-networking",
-            "--disable-quic",
-            "--disable-sync",
-            "--no-first-run",
-            "--host-resolver-rules=MAP * ~NOTFOUND",
-            "--enable-logging=stderr",
-            f"--user-data-dir={target.with_suffix('.profile')}",
-            f"--virtual-time-budget={milliseconds}",
-            "--window-size=800,600",
-            f"--screenshot={target}",
-            page,
-        ],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=True,
-    )
-    return imread(target)[..., :3], run.stderr
-
-
-# The page without Meshcat's bar at the top and the panel at the bottom, where the time is shown.
-SCENE = slice(30, 480)
+PLAYS = "window.viewer && viewer.animator.duration > 0"
+MIDDLE = {"x": 0, "y": 30, "width": 1000, "height": 550}  # above the panel, where time is shown
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(CHROMIUM is None, reason="needs chromium on the PATH")
-def test_a_recording_plays_in_a_browser_without_a_network(page: Path, tmp_path: Path) -> None:
-    first, first_log = screenshot(page.as_uri(), tmp_path / "first.png", 3000)
-    second, second_log = screenshot(page.as_uri(), tmp_path / "second.png", 4000)
-    assert "CONSOLE" not in first_log + second_log
-    assert len(np.unique(first[SCENE].reshape(-1, 3), axis=0)) > 100  # not blank
-    assert (np.abs(first - second)[SCENE].max(axis=2) > 0.1).mean() > 0.01  # it moves
+@in_a_browser
+def test_a_recording_plays_at_once_in_real_time_without_a_network(page: Path) -> None:
+    with opened(address(page)) as seen:
+        seen.page.wait_for_function(PLAYS, timeout=60_000)
+        first, begun = seen.shot(**MIDDLE), seen.page.evaluate("[viewer.animator.time, Date.now()]")
+        seen.page.wait_for_timeout(700)
+        second, ended = (
+            seen.shot(**MIDDLE),
+            seen.page.evaluate("[viewer.animator.time, Date.now()]"),
+        )
+        duration = seen.page.evaluate("viewer.animator.duration")
+        played = (ended[0] - begun[0]) % duration
+        assert played == pytest.approx((ended[1] - begun[1]) / 1e3 % duration, abs=0.3)
+        assert len(np.unique(first.reshape(-1, 3), axis=0)) > 100  # not blank
+        assert (np.abs(first - second).max(axis=2) > 0.1).mean() > 0.01  # it moves
+        assert seen.complaints == []
+        assert seen.requests == [address(page)]
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(CHROMIUM is None, reason="needs chromium on the PATH")
-def test_a_time_in_the_address_opens_the_recording_at_rest(page: Path, tmp_path: Path) -> None:
-    address = f"{page.as_uri()}#t=1.5"
-    first, _ = screenshot(address, tmp_path / "first.png", 3000)
-    second, _ = screenshot(address, tmp_path / "second.png", 4000)
-    np.testing.assert_array_equal(first, second)
+@in_a_browser
+def test_a_time_in_the_address_opens_the_recording_at_rest(page: Path) -> None:
+    with opened(f"{address(page)}#t=0.5") as seen:
+        seen.page.wait_for_function(PLAYS, timeout=60_000)
+        seen.page.wait_for_timeout(300)
+        first = seen.shot()
+        seen.page.wait_for_timeout(300)
+        np.testing.assert_array_equal(seen.shot(), first)
+        assert seen.page.inner_text("output") == "0.50 s"
+
+
+@pytest.mark.slow
+@in_a_browser
+def test_the_slider_stops_the_walk_where_it_is_put(page: Path) -> None:
+    with opened(address(page)) as seen:
+        seen.page.wait_for_function(PLAYS, timeout=60_000)
+        seen.page.fill("input[type=range]", "0.4")
+        seen.page.wait_for_timeout(300)
+        assert seen.page.evaluate("viewer.animator.time") == pytest.approx(0.4)
+        assert seen.page.inner_text("button") == "Play"
+
+
+@pytest.mark.slow
+@in_a_browser
+@pytest.mark.parametrize(("width", "height"), [(1280, 800), (390, 844)], ids=["desk", "phone"])
+def test_the_whole_floor_is_seen_above_the_panel(
+    walk: Walk, page: Path, width: int, height: int
+) -> None:
+    assert walk.history is not None
+    lower, upper = floor_extent(walk.history)
+    corners = [[x, z, -y] for x in (lower[0], upper[0]) for y in (lower[1], upper[1])
+               for z in (0.0, 0.4)]  # fmt: skip
+    with opened(address(page), width=width, height=height) as seen:
+        seen.page.wait_for_function(PLAYS, timeout=60_000)
+        places = seen.page.evaluate(
+            """corners => corners.map(corner => {
+                const seen = viewer.camera.position.clone().set(...corner).project(viewer.camera);
+                return [(1 + seen.x) / 2 * innerWidth, (1 - seen.y) / 2 * innerHeight];
+            })""",
+            corners,
+        )
+        panel = seen.page.locator("#walk-panel").bounding_box()
+        assert panel is not None
+    across, down = np.array(places).T
+    assert across.min() >= 0
+    assert across.max() <= width
+    assert down.min() >= 0
+    assert down.max() <= panel["y"]

@@ -1,13 +1,17 @@
 """The command that records a walk of a study again."""
 
 import re
+import subprocess
+import sys
 
 import pytest
+from browser import in_a_browser, opened
 
 from drake_gait import replay
 from drake_gait.ranking import best_walk
 from drake_gait.replay import main
 from drake_gait.result import in_words
+from drake_gait.scene import start_meshcat
 from drake_gait.settings import study_settings
 from drake_gait.simulation import simulate
 from drake_gait.store import Study
@@ -120,8 +124,72 @@ def test_a_study_of_a_robot_that_has_changed_is_one_line(capsys, tmp_path, study
     assert "another version of khr3hv.sdf" in text
 
 
-def test_a_replay_needs_a_place_for_its_page(capsys, tmp_path):
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ([], "--out"),
+        (["--live", "--out", "a.html"], "--out"),
+        (["--port", "7001", "--out", "a.html"], "--port: is for --live"),
+        (["--live", "--port", "80"], "from 1024 to 65535, got 80"),
+        (["--live", "--gallery"], "--live shows one walk"),
+        (["--live", "--rigid-toes"], "--live shows one walk"),
+    ],
+)
+def test_options_that_contradict_each_other_are_refused(capsys, tmp_path, arguments, text):
     with pytest.raises(SystemExit) as ended:
-        main([str(tmp_path)])
+        main([str(tmp_path), *arguments])
     assert ended.value.code == 2
-    assert "--out" in capsys.readouterr().err
+    assert text in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_gallery_shows_each_study_s_best_walk_with_and_without_bending_toes(
+    run, capsys, tmp_path
+):
+    folder, _, _ = run
+    out = tmp_path / "gallery.html"
+    assert main([str(folder), "--gallery", str(folder), "--rigid-toes", "--out", str(out)]) == 0
+    *labels, last = capsys.readouterr().out.splitlines()
+    assert last == str(out)
+    assert len(labels) == 4
+    assert ["rigid toes" in label for label in labels] == [False, True, False, True]
+    text = out.read_text(encoding="utf-8")
+    assert all(label in text for label in labels)
+
+
+@pytest.mark.slow
+def test_a_live_page_on_a_taken_port_is_one_line(run, capsys):
+    folder, _, _ = run
+    taken = start_meshcat()
+    text = refused(capsys, folder, "--live", "--port", taken.port())
+    assert f"port {taken.port()} is taken" in text
+
+
+@pytest.mark.slow
+@in_a_browser
+def test_a_walk_is_seen_in_a_browser_while_it_is_simulated(run):
+    folder, _, _ = run
+    command = [sys.executable, "-m", "drake_gait.replay", str(folder), "--live"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        told = process.stdout.readline()
+        place = re.search(r"http://localhost:\d+", told)[0]
+        with opened(place, offline=False) as seen:
+            # Meshcat names its objects by their paths.
+            torso = """() => {
+                let found = null;
+                viewer.scene.traverse(object => {
+                    if (object.name === "torso") found = object.matrixWorld.elements[12];
+                });
+                return found;
+            }"""
+            seen.page.wait_for_function(f"window.viewer && ({torso})() !== null", timeout=60_000)
+            begin = seen.page.evaluate(torso)
+            result = process.stdout.readline()
+            seen.page.wait_for_timeout(300)
+            moved = 1e3 * (seen.page.evaluate(torso) - begin)
+            forward = float(re.search(r"(-?[0-9.]+) mm forward", result)[1])
+            assert moved == pytest.approx(forward, abs=60.0)
+            assert abs(moved) > 20.0
+            elsewhere = [url for url in seen.requests if not url.startswith((place, "ws://local"))]
+            assert elsewhere == []
+        assert process.wait(timeout=60) == 0  # its last reader has gone

@@ -186,3 +186,16 @@ def test_another_foot_walks_another_walk() -> None:
 def test_a_time_limit_must_be_positive() -> None:
     with pytest.raises(SettingsError, match="time_limit"):
         WalkSettings(time_limit=0.0)
+
+
+def test_who_watches_a_walk_sees_every_frame_and_changes_no_number() -> None:
+    seen: list[tuple[float, np.ndarray]] = []
+    watched = simulate(
+        WALKING, history=True, watch=lambda instant, positions: seen.append((instant, positions))
+    )
+    assert watched.history is not None
+    assert numbers(watched) == numbers(simulate(WALKING))
+    np.testing.assert_allclose([instant for instant, _ in seen], watched.history.time[1:])
+    np.testing.assert_array_equal(
+        [positions for _, positions in seen], watched.history.positions[1:]
+    )
