@@ -183,13 +183,12 @@ def test_a_walk_is_seen_in_a_browser_while_it_is_simulated(run):
                 return found;
             }"""
             seen.page.wait_for_function(f"window.viewer && ({torso})() !== null", timeout=60_000)
-            begin = seen.page.evaluate(torso)
             result = process.stdout.readline()
             seen.page.wait_for_timeout(300)
-            moved = 1e3 * (seen.page.evaluate(torso) - begin)
+            ended = 1e3 * seen.page.evaluate(torso)  # it begins above the origin
             forward = float(re.search(r"(-?[0-9.]+) mm forward", result)[1])
-            assert moved == pytest.approx(forward, abs=60.0)
-            assert abs(moved) > 20.0
+            assert ended == pytest.approx(forward, abs=40.0)
+            assert abs(ended) > 50.0
             elsewhere = [url for url in seen.requests if not url.startswith((place, "ws://local"))]
             assert elsewhere == []
         assert process.wait(timeout=60) == 0  # its last reader has gone
