@@ -144,13 +144,13 @@ def _draw_search(
 
 def _draw_network(settings: StudySettings, network: Surrogate, folder: Path) -> None:
     """What the network is worth, and what it says of the coefficients."""
-    units = np.array([1e3, 1e3, np.degrees(1.0), 1e3])
+    units = np.array([1e3, 1e3, np.degrees(1.0)])
     shown = [("Z", "mm"), ("X", "mm"), ("R", "deg")]
     columns = slice(0, len(shown))
     study_figures.predicted_against_simulated(
-        (network.targets * units)[:, columns],
-        (network.fitted * units)[:, columns],
-        (network.heldout * units)[:, columns],
+        network.targets[:, columns] * units,
+        network.fitted[:, columns] * units,
+        network.heldout[:, columns] * units,
         network.r2_train[columns].tolist(),
         network.r2_heldout[columns].tolist(),
         shown,
