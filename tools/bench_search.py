@@ -1,0 +1,147 @@
+"""Compare the search's modes: best feasible walk against number of walks simulated.
+
+    python tools/bench_search.py --output runs/bench_search --seeds 5 --simulations 600 --jobs 2
+
+Every mode searches the same study with the same seeds; each (mode, seed) is an ordinary study in
+OUTPUT/<mode>/seed-<n>, which is gone on with where it stands. It prints a table of the best feasible
+distance after so many walks, median (smallest to largest) over the seeds, with 0 for none yet, and
+of what the confirmation said; with --figure it draws the curves.
+"""
+
+import argparse
+import multiprocessing
+import os
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import replace
+from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+
+from drake_gait.confirmation import winner
+from drake_gait.plan import Mode
+from drake_gait.records import CONFIRMATIONS
+from drake_gait.search import search
+from drake_gait.settings import StudySettings, default_study, read_study
+from drake_gait.simulation import walk_trial
+from drake_gait.store import Study
+from drake_gait.study import open_study
+from drake_gait.workers import Serial
+
+WALKS = (100, 200, 300, 400, 600, 1000, 1500, 2000, 2500)
+
+
+def settings_of(study: Path, mode: str, seed: int, simulations: int) -> StudySettings:
+    """The study's settings for one run."""
+    settings = read_study(study)
+    plan = replace(settings.search, mode=Mode(mode), simulations=simulations)
+    return replace(settings, seed=seed, search=plan)
+
+
+def run(settings: StudySettings, folder: Path) -> str:
+    """One study, in this process."""
+    with open_study(settings, folder) as study:
+        search(settings, study, Serial(walk_trial).run)
+        study.set("finished", True)
+    return str(folder)
+
+
+def best_after(folder: Path, settings: StudySettings) -> np.ndarray:
+    """Best feasible distance [mm] after 1, 2, ... walks; 0 for none yet."""
+    with Study.open(folder) as study:
+        walks = [walk for walk in study.walks() if walk.id < CONFIRMATIONS]
+    found = [
+        1e3 * walk.walk.forward if settings.assess(walk.walk).feasible else 0.0 for walk in walks
+    ]
+    return np.maximum.accumulate(np.array(found or [0.0]))
+
+
+def confirmed(folder: Path, settings: StudySettings) -> float:
+    """Median distance of the robust winner [mm]; 0 for none."""
+    with Study.open(folder) as study:
+        found = winner(settings, study.walks())
+    return 1e3 * found.median if found else 0.0
+
+
+def table(curves: dict[str, list[np.ndarray]], robust: dict[str, list[float]]) -> str:
+    """Rows of modes, columns of walks, as Markdown."""
+    most = max(len(curve) for mode in curves.values() for curve in mode)
+    columns = [count for count in WALKS if count <= most]
+    lines = [
+        "| mode | seeds | " + " | ".join(f"{count} walks" for count in columns) + " | robust |",
+        "|---|---|" + "---|" * (len(columns) + 1),
+    ]
+    for mode, runs in curves.items():
+        cells = []
+        for count in columns:
+            values = [curve[count - 1] for curve in runs if len(curve) >= count]
+            cells.append(spread(values))
+        cells.append(spread(robust[mode]))
+        lines.append(f"| {mode} | {len(runs)} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def spread(values: Sequence[float]) -> str:
+    """Median (smallest to largest), in whole millimetres."""
+    if not values:
+        return "-"
+    return f"{np.median(values):.0f} ({min(values):.0f} to {max(values):.0f})"
+
+
+def draw(curves: dict[str, list[np.ndarray]], path: Path) -> None:
+    """Median and range of every mode against the number of walks."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(figsize=(5.5, 3.5), layout="constrained")
+    for (mode, runs), colour in zip(curves.items(), ("C0", "C1", "C2", "C7"), strict=False):
+        length = min(map(len, runs))
+        stacked = np.array([curve[:length] for curve in runs])
+        count = np.arange(1, length + 1)
+        axes.plot(count, np.median(stacked, axis=0), color=colour, label=mode)
+        axes.fill_between(count, stacked.min(0), stacked.max(0), color=colour, alpha=0.15, lw=0)
+    axes.axhline(177.96, color="0.4", ls=":", lw=1)
+    axes.annotate("the paper's best", (1, 181), fontsize=7, color="0.4")
+    axes.set(xlabel="walks simulated", ylabel="best feasible walk [mm]")
+    axes.legend(frameon=False)
+    figure.savefig(path, dpi=200)
+
+
+def main() -> None:
+    """Run what is missing, and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--output", type=Path, required=True)
+    parser.add_argument("--study", type=Path, default=default_study())
+    parser.add_argument("--modes", nargs="+", default=[str(mode) for mode in Mode])
+    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--simulations", type=int, default=600)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--figure", type=Path)
+    options = parser.parse_args()
+    wanted = {
+        (mode, seed): settings_of(options.study, mode, seed, options.simulations)
+        for seed in range(options.seeds)
+        for mode in options.modes
+    }
+    folders = {key: options.output / key[0] / f"seed-{key[1]}" for key in wanted}
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(options.jobs, mp_context=context, max_tasks_per_child=1) as pool:
+        running = [pool.submit(run, wanted[key], folders[key]) for key in wanted]
+        for future in as_completed(running):
+            print(f"finished {future.result()}", flush=True)
+    curves: dict[str, list[np.ndarray]] = {}
+    robust: dict[str, list[float]] = {}
+    for key, settings in wanted.items():
+        curves.setdefault(key[0], []).append(best_after(folders[key], settings))
+        robust.setdefault(key[0], []).append(confirmed(folders[key], settings))
+    print(f"\nbest feasible distance [mm]\n\n{table(curves, robust)}")
+    if options.figure:
+        draw(curves, options.figure)
+
+
+if __name__ == "__main__":
+    main()
