@@ -3,11 +3,12 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import ndtr
+from scipy.special import betainc, ndtr
 from scipy.stats import norm
 
 from drake_gait.gait import FloatArray
 from drake_gait.problem import Limit
+from drake_gait.ranking import robust_count
 from drake_gait.surrogate import Prediction, Surrogate
 
 _NEIGHBOURHOOD = 0.25
@@ -28,6 +29,7 @@ class Acquisition:
         to_beat: The gain of the best feasible walk so far, if there is one.
         trials: Design vectors that are under way, shape (d,) each.
         radius: Half width of the trust region in units of the box.
+        replicas: Walks of a candidate, of which seven of eight must be feasible.
     """
 
     def __init__(
@@ -39,12 +41,14 @@ class Acquisition:
         to_beat: float | None,
         trials: Sequence[FloatArray],
         radius: float,
+        replicas: int = 1,
     ) -> None:
         self._network = network
         self._gain = names.index(gain)
         self._limits = [(names.index(limit.quantity), limit) for limit in limits]
         self._to_beat = to_beat
         self._trials = trials
+        self._replicas, self._needed = replicas, robust_count(replicas)
         self._reach = _NEIGHBOURHOOD * radius
 
     def __call__(self, x: FloatArray) -> FloatArray:
@@ -61,13 +65,15 @@ class Acquisition:
         return cost
 
     def chance(self, expected: Prediction) -> FloatArray:
-        """Probability of a feasible walk, shape (n,)."""
+        """Probability of a feasible candidate, shape (n,)."""
         chance = expected.survival.copy()
         for column, limit in self._limits:
             mean, deviation = expected.mean[:, column], expected.deviation[:, column]
             below = ndtr((limit.lower - mean) / deviation)
             chance *= ndtr((limit.upper - mean) / deviation) - below
-        return chance
+        # Of at least so many of its walks, where each has this chance for itself.
+        together: FloatArray = betainc(self._needed, self._replicas - self._needed + 1, chance)
+        return together
 
 
 def expected_improvement(mean: FloatArray, deviation: FloatArray, to_beat: float) -> FloatArray:

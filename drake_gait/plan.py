@@ -37,7 +37,11 @@ class SearchSettings:
     batch: int = 8
     """Candidates proposed by one network; all are simulated before the next is trained."""
     replicas: int = 1
-    """Walks of every candidate: the first as it is, the others perturbed; their median counts."""
+    """Walks of every candidate that is proposed: the first as it is, the others perturbed.
+
+    Their median counts, and seven of eight must be feasible. A design of experiments, from which
+    networks learn, has one walk of each candidate.
+    """
     stagnation: int | None = None
     """Stop after so many networks without a better feasible walk; None: use the whole budget."""
 
@@ -55,12 +59,17 @@ class SearchSettings:
                 f"search.samples ({self.samples}) must not exceed search.simulations "
                 f"({self.simulations}), which counts them too"
             )
-        for name in ("samples", "simulations"):
-            if getattr(self, name) % self.replicas:
-                raise SettingsError(
-                    f"search.{name} must be a multiple of search.replicas ({self.replicas}), got "
-                    f"{getattr(self, name)}"
-                )
+        proposed = self.simulations - (self.samples if self.learns else 0)
+        if proposed % self.replicas:
+            raise SettingsError(
+                f"search.simulations ({self.simulations}) leaves {proposed} walks for candidates "
+                f"that are proposed; it must leave a multiple of search.replicas ({self.replicas})"
+            )
+
+    @property
+    def learns(self) -> bool:
+        """Whether networks propose, from a design of experiments on."""
+        return self.mode in (Mode.DEFAULT, Mode.PAPER)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -93,8 +93,7 @@ def proposer(settings: StudySettings) -> Proposer:
 
 def design_of_experiments(settings: StudySettings) -> FloatArray:
     """A Latin hypercube in the box: design vectors, shape (samples, d)."""
-    plan = settings.search
-    return _latin_hypercube(settings, plan.samples // plan.replicas, _DESIGN)
+    return _latin_hypercube(settings, settings.search.samples, _DESIGN)
 
 
 def _latin_hypercube(settings: StudySettings, count: int, *address: int) -> FloatArray:
@@ -126,8 +125,7 @@ class TrustRegion:
 
     def __init__(self, settings: StudySettings) -> None:
         self._settings = settings
-        plan = settings.search
-        self.samples, self.batch = plan.samples // plan.replicas, plan.batch
+        self.samples, self.batch = settings.search.samples, settings.search.batch
 
     def propose(
         self, iteration: int, known: Sequence[Sample], under_way: FloatArray, count: int
@@ -172,6 +170,7 @@ class TrustRegion:
                 -best.assessment.objective if best.assessment.feasible else None,
                 trials,
                 radius,
+                settings.search.replicas,
             )
             found = isade.minimize(
                 acquisition,
@@ -210,7 +209,7 @@ class PaperProcedure:
 
     def __init__(self, settings: StudySettings) -> None:
         self._settings = settings
-        self.samples = settings.search.samples // settings.search.replicas
+        self.samples = settings.search.samples
         self._names = (*settings.outputs, "steps")
 
     def propose(

@@ -22,6 +22,8 @@ class Sample:
     """Its place among the study's candidates, from 0."""
     walks: tuple[StudyWalk, ...]
     """Its walks; the first is that of the candidate as it is."""
+    replicated: bool
+    """Whether it has as many walks as the study wants of a candidate."""
     assessment: Assessment
     """The median of their objectives, and the violations that seven of eight keep below."""
 
@@ -34,26 +36,33 @@ class Sample:
     def rank(self) -> tuple[int, float, int]:
         """What sorts samples, the best first.
 
-        A walk on its feet is nearer to a feasible one than a fall, and a fall nearer than what
-        could not be simulated, whose numbers mean nothing.
+        A candidate that was walked once is behind those with all replicas. A walk on its feet is
+        nearer to a feasible one than a fall, and a fall nearer than what could not be simulated,
+        whose numbers mean nothing.
         """
         outcome = list(Outcome).index(self.walks[0].walk.outcome)
         if self.assessment.feasible:
-            return 0, self.assessment.objective, self.number
-        return 1 + outcome, float(self.assessment.violations.sum()), self.number
+            return int(not self.replicated), self.assessment.objective, self.number
+        return 2 + outcome, float(self.assessment.violations.sum()), self.number
 
 
 def sample(number: int, walks: Sequence[StudyWalk], settings: StudySettings) -> Sample:
     """A candidate's walks, in the order of their variation, as one sample."""
     found = [settings.assess(walk.walk) for walk in walks]
     by_violation = sorted(found, key=lambda one: float(one.violations.sum()))
-    most = by_violation[int(np.ceil(ROBUST_SHARE * len(found))) - 1]
+    most = by_violation[robust_count(len(found)) - 1]
     objective = float(np.median([one.objective for one in found]))
     return Sample(
         number=number,
         walks=tuple(walks),
+        replicated=len(walks) == settings.search.replicas,
         assessment=Assessment(objective=objective, violations=most.violations),
     )
+
+
+def robust_count(walks: int) -> int:
+    """How many of a candidate's walks must be feasible."""
+    return int(np.ceil(ROBUST_SHARE * walks))
 
 
 def nominal_walks(walks: Iterable[StudyWalk]) -> list[StudyWalk]:

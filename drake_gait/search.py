@@ -54,13 +54,14 @@ def search(
 class _Run:
     """What the steps of one search do with the walks known so far.
 
-    Candidates are numbered from 0; each has as many walks as the study has replicas.
+    Candidates are numbered from 0; those after a design of experiments have replicas.
     """
 
     def __init__(self, settings: StudySettings, runner: Runner) -> None:
         self._settings, self._plan = settings, settings.search
         self._runner = runner
         self._proposer = proposer(settings)
+        self._single = self._proposer.samples if self._plan.learns else 0
         self._known: dict[int, Sample] = {}
         self._proposed: dict[int, FloatArray] = {}
 
@@ -129,7 +130,7 @@ class _Run:
 
     @property
     def _candidates(self) -> int:
-        return self._plan.simulations // self._plan.replicas
+        return self._single + (self._plan.simulations - self._single) // self._plan.replicas
 
     def _numbers(self, iteration: int) -> range:
         """Numbers of an iteration's candidates."""
@@ -139,7 +140,10 @@ class _Run:
 
     def _ids(self, number: int) -> range:
         """Ids of a candidate's walks; the first is of the candidate as it is."""
-        return range(number * self._plan.replicas, (number + 1) * self._plan.replicas)
+        if number < self._single:
+            return range(number, number + 1)
+        start = self._single + (number - self._single) * self._plan.replicas
+        return range(start, start + self._plan.replicas)
 
     def _last_known(self, iteration: int) -> int:
         """The last iteration whose walks a proposal knows: the next may still be under way."""
