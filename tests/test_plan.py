@@ -62,16 +62,13 @@ def test_more_samples_than_walks_in_all_are_refused_with_both_numbers():
     SearchSettings(samples=40, simulations=40)
 
 
-@pytest.mark.parametrize(
-    ("samples", "simulations", "name", "value"),
-    [(40, 60, "samples", 40), (30, 61, "simulations", 61)],
-)
-def test_walks_that_are_no_whole_number_of_candidates_are_refused(
-    samples, simulations, name, value
-):
-    message = refusal(SearchSettings, samples=samples, simulations=simulations, replicas=3)
-    assert message == f"search.{name} must be a multiple of search.replicas (3), got {value}"
-    SearchSettings(samples=30, simulations=60, replicas=3)
+@pytest.mark.parametrize(("mode", "proposed"), [("default", 20), ("isade", 60)])
+def test_walks_that_are_no_whole_number_of_candidates_are_refused(mode, proposed):
+    plan = {"mode": mode, "samples": 40, "simulations": 40 * (mode == "default") + proposed}
+    message = refusal(SearchSettings, replicas=7, **plan)
+    assert f"leaves {proposed} walks" in message
+    assert message.endswith("it must leave a multiple of search.replicas (7)")
+    SearchSettings(replicas=5, **plan)
 
 
 @pytest.mark.parametrize(

@@ -153,7 +153,8 @@ def test_the_paper_s_study_is_the_paper_s(paper_study):
 
 
 def test_every_committed_study_reads(repository):
-    studies = sorted((repository / "studies").glob("*.toml"))
+    files = sorted((repository / "studies").glob("*.toml"))
+    studies = [path for path in files if "[sweep]" not in path.read_text()]
     names = [read_study(path).name for path in studies]
     assert "paper" in names
     assert len(set(names)) == len(names)
