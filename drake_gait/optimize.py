@@ -35,6 +35,8 @@ class Options:
     """Settings that take the place of the file's, each section.key=value; the last one counts."""
     workers: int
     """Processes that simulate."""
+    dask: str | None
+    """A Dask cluster that simulates instead of processes: its address or file, or "local"."""
     out: Path | None
     """The study's folder; runs/<study> if None."""
 
@@ -65,6 +67,11 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
     set_by("--simulations", type=_sets("search.simulations"), help="walks in all, samples included")
     set_by("--seed", type=_sets("study.seed"), help="seed of every random number")
     parser.add_argument("--workers", type=int, help="processes that simulate (one per core)")
+    parser.add_argument(
+        "--dask",
+        metavar="ADDRESS",
+        help="simulate on a Dask cluster: tcp://HOST:8786, its scheduler file, or local",
+    )
     parser.add_argument("--out", type=Path, help="the study's folder (runs/<study>)")
     found = parser.parse_args(arguments)
     if found.workers is not None and found.workers < 1:
@@ -86,7 +93,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with sigterm_interrupts():
             settings = options.settings()
             folder = options.out or Path("runs") / settings.name
-            return _run(settings, folder, options.workers)
+            return _run(settings, folder, options.workers, options.dask)
     except GaitError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
@@ -95,7 +102,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return exit_status(interruption)
 
 
-def _run(settings: StudySettings, folder: Path, workers: int) -> int:
+def _run(settings: StudySettings, folder: Path, workers: int, dask: str | None) -> int:
     with open_study(settings, folder) as study:
         if "finished" in study.description():
             print(
@@ -105,7 +112,7 @@ def _run(settings: StudySettings, folder: Path, workers: int) -> int:
         else:
             walks = sum(walk.id < CONFIRMATIONS for walk in study.walks())
             with display(settings, walks) as show:
-                run_study(settings, study, workers, show)
+                run_study(settings, study, workers, show, dask=dask)
         _write_results(settings, study, folder)
     return 0
 

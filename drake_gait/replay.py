@@ -16,10 +16,11 @@ from pathlib import Path
 from drake_gait.confirmation import REFERENCE, winner
 from drake_gait.errors import GaitError, StudyError
 from drake_gait.live import Screen
+from drake_gait.provenance import file_sha256
 from drake_gait.ranking import best_walk
 from drake_gait.recording import Exhibit, record, record_gallery
 from drake_gait.records import StudyWalk
-from drake_gait.result import file_sha256, in_words
+from drake_gait.result import in_words
 from drake_gait.robot import model_path
 from drake_gait.scene import start_meshcat
 from drake_gait.settings import StudySettings, study_settings

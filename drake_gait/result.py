@@ -1,17 +1,14 @@
 """A study's outcome in numbers: what result.json holds, and tables like the paper's Table II."""
 
-import hashlib
-import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from drake_gait.confirmation import STAGE, Finalist, best_unslipping, finalists, winner
 from drake_gait.problem import OUTPUTS, Constraints
+from drake_gait.provenance import versions
 from drake_gait.ranking import best_walk, feasible_walks
 from drake_gait.records import StudyWalk
 from drake_gait.settings import StudySettings
@@ -29,22 +26,6 @@ PAPER_TABLE = (
     (-4.770, 168.30, 0.796, 240),
     (0.044, 177.96, 1.203, 240),
 )
-
-
-def versions() -> dict[str, str]:
-    """Versions of what decides the numbers."""
-    found = {"python": platform.python_version()}
-    for package in ("drake-gait", "drake", "numpy", "scipy", "torch"):
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = "not installed"
-    return found
-
-
-def file_sha256(path: Path) -> str:
-    """Fingerprint of a file."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def summary(

@@ -1,19 +1,22 @@
 """One study in its folder: opened or gone on with, and searched to its end."""
 
+import functools
 import time
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from drake_gait.cluster import DaskCluster, identity
 from drake_gait.errors import StudyError
-from drake_gait.result import file_sha256, versions
+from drake_gait.provenance import file_sha256, versions
 from drake_gait.robot import build_robot, model_path
 from drake_gait.runner import Progress
 from drake_gait.search import search
 from drake_gait.settings import StudySettings
 from drake_gait.simulation import walk_trial
 from drake_gait.store import Study
+from drake_gait.walk import WalkSettings
 from drake_gait.workers import LocalProcesses
 
 STARTING_TIME = 60.0  # What a worker may need beside its walk, to import and to build [s].
@@ -68,7 +71,12 @@ def _wanted(settings: StudySettings) -> dict[str, Any]:
 
 
 def run_study(
-    settings: StudySettings, study: Study, workers: int, report: Callable[[Progress], None]
+    settings: StudySettings,
+    study: Study,
+    workers: int,
+    report: Callable[[Progress], None],
+    *,
+    dask: str | None = None,
 ) -> None:
     """Search an open study to its end, from wherever it stands, and mark it as finished.
 
@@ -78,18 +86,30 @@ def run_study(
     Args:
         settings: What the study was opened with.
         study: Where every walk is kept.
-        workers: Processes that simulate.
+        workers: Processes that simulate on this machine.
         report: Told how far it is, after every walk.
+        dask: Simulate on this Dask cluster instead: its scheduler's address or file, or "local".
+
+    Raises:
+        WorkerError: there are no workers, or none is left; what was simulated is safe.
     """
     started, before = time.monotonic(), study.description()
     deaths = Counter(before.get("worker_deaths", {}))
-    limit = settings.walk.time_limit + STARTING_TIME
     try:
-        with LocalProcesses(walk_trial, count=workers, time_limit=limit) as processes:
+        with _workers(settings.walk, workers, dask) as running:
             try:
-                search(settings, study, processes.run, report)
+                search(settings, study, running.run, report)
             finally:
-                study.set("worker_deaths", deaths + processes.deaths)
+                study.set("worker_deaths", deaths + running.deaths)
     finally:
         study.set("wall_s", before.get("wall_s", 0.0) + time.monotonic() - started)
     study.set("finished", True)
+
+
+def _workers(settings: WalkSettings, count: int, dask: str | None) -> LocalProcesses | DaskCluster:
+    """What simulates."""
+    limit = settings.time_limit + STARTING_TIME
+    if dask is None:
+        return LocalProcesses(walk_trial, count=count, time_limit=limit)
+    same = functools.partial(identity, settings.model)
+    return DaskCluster(walk_trial, dask, count=count, time_limit=limit, identity=same)

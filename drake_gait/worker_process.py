@@ -32,6 +32,7 @@ _WALKS_PER_PROCESS = 1000
 
 _START_LIMIT = 300.0  # To import Drake from the network disk of a busy cluster [s].
 _STARTS = 5  # Some other cause than a stray kill when so many in a row fail.
+_IDLE_LIMIT = 600.0  # After so long without a walk a process gives back its memory [s].
 _GRACE = 10.0  # How long after its driver a process ends a walk that hangs by itself [s].
 
 # Two cores run two walks faster than two walks that each want two threads.
@@ -46,12 +47,12 @@ class WorkerProcess:
     """A process that is started when it is needed, and replaced when it died, hung or is old.
 
     Args:
-        walk: What it runs, importable by its name (or a functools.partial of such).
+        function: What it runs, pickled: importable by its name, or a functools.partial of such.
         time_limit: Wall-clock time after which a walk is given up and the process replaced [s].
     """
 
-    def __init__(self, walk: WalkFunction, *, time_limit: float) -> None:
-        self._function = pickle.dumps(walk)
+    def __init__(self, function: bytes, *, time_limit: float) -> None:
+        self._function = function
         self._time_limit = time_limit
         self._process: subprocess.Popen[bytes] | None = None
         self._connection: Connection[Any, Any] | None = None
@@ -106,7 +107,7 @@ class WorkerProcess:
         if self._walks >= _WALKS_PER_PROCESS:
             self.close()
         if self._process is not None and self._process.poll() is not None:
-            self.close()  # It was killed while it had nothing to do.
+            self.close()  # It was killed, or ended by itself, while it had nothing to do.
         for _ in range(_STARTS):
             if self._connection is None:
                 self._start()
@@ -128,7 +129,7 @@ class WorkerProcess:
         with self._lock, theirs:
             if self._stopped:
                 raise WorkerDiedError("its process was stopped")
-            with _signals_blocked():
+            with signals_blocked():
                 self._process = subprocess.Popen(
                     [sys.executable, "-c", code],
                     stdin=subprocess.DEVNULL,
@@ -164,7 +165,7 @@ class _Answer:
 
 
 @contextmanager
-def _signals_blocked() -> Iterator[None]:
+def signals_blocked() -> Iterator[None]:
     """Keep Ctrl-C and SIGTERM from a process that is started inside: it inherits the mask.
 
     A terminal and a cluster send them to all processes; the driver alone decides what they mean.
@@ -198,7 +199,7 @@ def serve(descriptor: int, longest: float) -> None:
 
     with suppress(EOFError, ConnectionError):
         connection.send(_answer(load, connection.recv_bytes()))
-        while True:
+        while connection.poll(_IDLE_LIMIT):
             trial = connection.recv()
             # Its default action needs no Python, which may be what hangs.
             signal.setitimer(signal.ITIMER_REAL, longest)

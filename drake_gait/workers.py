@@ -5,6 +5,7 @@ itself: what killed it may have been the memory that they took, or a person. Onl
 again, or hangs, is given up, as diverged.
 """
 
+import pickle
 import queue
 import time
 from abc import ABC, abstractmethod
@@ -116,7 +117,8 @@ class LocalProcesses(RemoteWorkers):
         if not count >= 1:
             raise SettingsError(f"workers must be >= 1, got {count}")
         super().__init__()
-        self._processes = [WorkerProcess(walk, time_limit=time_limit) for _ in range(count)]
+        function = pickle.dumps(walk)
+        self._processes = [WorkerProcess(function, time_limit=time_limit) for _ in range(count)]
         self._idle: queue.SimpleQueue[WorkerProcess] = queue.SimpleQueue()
         for process in self._processes:
             self._idle.put(process)

@@ -356,6 +356,24 @@ def test_a_signal_ends_a_study_that_the_same_command_then_finishes(
 
 
 @pytest.mark.slow
+def test_a_study_on_a_dask_cluster_has_the_same_walks(finished_run, tmp_path):
+    pytest.importorskip("distributed")
+    folder, _ = finished_run
+    driver = start(*TINY, "--workers", "2", "--dask", "local", "--out", tmp_path)
+    _, errors = driver.communicate()
+    assert (driver.returncode, errors) == (0, "")
+    wait_for_end_of_session(driver.pid)
+    assert walks_in(tmp_path) == walks_in(folder)
+
+
+@pytest.mark.parametrize(
+    ("address", "text"), [("nonsense", "tcp://HOST:PORT"), ("none.json", "no scheduler file")]
+)
+def test_a_cluster_that_is_none_is_one_line(capsys, tmp_path, address, text):
+    assert text in refused(capsys, *TINY, "--dask", address, "--out", tmp_path)
+
+
+@pytest.mark.slow
 def test_a_killed_study_goes_on_to_the_same_walks(finished_run, tmp_path):
     folder, _ = finished_run
     arguments = (*TINY, "--workers", "2", "--out", tmp_path)
@@ -386,5 +404,5 @@ def test_a_second_command_on_a_running_study_is_refused(tmp_path, capsys):
 
 def test_the_default_folder_is_named_after_the_study(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(optimize, "_run", lambda settings, folder, workers: str(folder))
+    monkeypatch.setattr(optimize, "_run", lambda settings, folder, *rest: str(folder))
     assert main([]) == str(Path("runs") / "paper")

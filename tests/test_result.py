@@ -1,7 +1,6 @@
 """A study's outcome as numbers and as text."""
 
 import dataclasses
-import hashlib
 import json
 
 import numpy as np
@@ -11,12 +10,10 @@ from drake_gait import surrogate
 from drake_gait.problem import Constraints
 from drake_gait.result import (
     PAPER_TABLE,
-    file_sha256,
     in_words,
     r_squared_line,
     summary,
     table,
-    versions,
 )
 from drake_gait.walk import Outcome, Walk
 
@@ -119,12 +116,6 @@ def test_the_summary_of_a_study_of_lost_walks_says_so(study, entry):
     assert (outcome["feasible"], outcome["outcome"], outcome["survivors"]) == (False, "diverged", 0)
 
 
-def test_the_versions_are_those_of_what_decides_the_numbers():
-    found = versions()
-    assert set(found) == {"python", "drake-gait", "drake", "numpy", "scipy", "torch"}
-    assert found["numpy"] == np.__version__
-
-
 def test_the_table_has_the_feasible_walks_beside_the_paper_s_eight(walks):
     lines = table(walks, Constraints()).splitlines()
     assert "the paper (Table II)" in lines[0]
@@ -161,12 +152,3 @@ def test_the_line_on_r2_has_training_and_held_out_of_every_output(network):
     assert "training / held-out" in line
     assert f"Z {network.r2_train[0]:.2f} / {network.r2_heldout[0]:.2f}" in line
     assert [name for name in "ZXRY" if f" {name} " in line] == list("ZXRY")
-
-
-def test_a_fingerprint_is_the_sha256_of_the_file(tmp_path):
-    path = tmp_path / "robot.sdf"
-    path.write_bytes(b"<sdf/>\n")
-    assert file_sha256(path) == hashlib.sha256(b"<sdf/>\n").hexdigest()
-    before = file_sha256(path)
-    path.write_bytes(b"<sdf />\n")
-    assert file_sha256(path) != before
