@@ -172,9 +172,12 @@ class DaskCluster(RemoteWorkers):
             self._client.run(stop_walks, self._owner)
 
     def _close(self) -> None:
-        self._client.close(timeout=_CLOSING_TIME)
+        # What does not end in time ends with this process, or belongs to the cluster.
+        with suppress(Exception):
+            self._client.close(timeout=_CLOSING_TIME)
         if self._cluster is not None:
-            self._cluster.close(timeout=_CLOSING_TIME)
+            with suppress(Exception):
+                self._cluster.close(timeout=_CLOSING_TIME)
 
 
 def _connected(address: str, count: int) -> "tuple[Client, LocalCluster | None]":
