@@ -188,13 +188,13 @@ def test_a_folder_with_something_else_called_study_is_one_line(capsys, tmp_path)
 
 
 def test_ctrl_c_at_any_moment_is_one_line_and_status_130(capsys, monkeypatch, tmp_path):
-    def interrupt(*arguments):
+    def interrupt(*arguments, **options):
         raise KeyboardInterrupt
 
     for name in ("open_study", "run_study", "_write_results"):
         with monkeypatch.context() as patch:
             if name == "_write_results":
-                patch.setattr(optimize, "run_study", lambda *arguments: None)
+                patch.setattr(optimize, "run_study", lambda *arguments, **options: None)
             patch.setattr(optimize, name, interrupt)
             assert main([*TINY, "--workers", "1", "--out", str(tmp_path)]) == 130
         captured = capsys.readouterr()
