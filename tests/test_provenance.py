@@ -39,6 +39,7 @@ def test_the_fingerprint_of_the_source_is_that_of_a_copy_until_one_line_changes(
             check=True,
             capture_output=True,
             text=True,
+            cwd=tmp_path,
             env={"PYTHONPATH": str(tmp_path)},
         ).stdout.strip()
 
