@@ -77,17 +77,34 @@ def model_path(model: str | Path = DEFAULT_MODEL) -> Path:
 
 
 def with_friction(sdf: str, factor: float) -> str:
-    """A robot description whose contact with the ground has `factor` times its friction."""
+    """A robot description whose contact with the ground has `factor` times its friction.
+
+    Raises:
+        ModelError: it has a friction that is no number, or that cannot be multiplied by so much.
+    """
     if factor == 1.0:
         return sdf
     ElementTree.register_namespace("drake", _DRAKE)
     root = ElementTree.fromstring(sdf)
     for name in ("mu_static", "mu_dynamic"):
         for element in root.iter(f"{{{_DRAKE}}}{name}"):
-            surface = float(element.text or "")
-            contact = factor * 2.0 * surface * GROUND_FRICTION / (surface + GROUND_FRICTION)
-            element.text = repr(contact * GROUND_FRICTION / (2.0 * GROUND_FRICTION - contact))
+            element.text = repr(_surface(name, element.text, factor))
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def _surface(name: str, text: str | None, factor: float) -> float:
+    """Coefficient of a surface whose contact with the ground has `factor` times its friction."""
+    try:
+        surface = float(text or "")
+    except ValueError:
+        raise ModelError(f"<drake:{name}> must be a number, got '{text or ''}'") from None
+    contact = factor * 2.0 * surface * GROUND_FRICTION / (surface + GROUND_FRICTION)
+    if not contact < 2.0 * GROUND_FRICTION:
+        raise ModelError(
+            f"no surface has {factor:g} times the friction of <drake:{name}> {surface:g} on the "
+            "ground; lower walk.friction"
+        )
+    return contact * GROUND_FRICTION / (2.0 * GROUND_FRICTION - contact)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -113,6 +113,9 @@ class StudySettings:
             raise SettingsError(f"study.name must do as a folder's name, got '{self.name}'")
         if isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0:
             raise SettingsError(f"study.seed must be a whole number >= 0, got {self.seed}")
+        # A variation may take half of it, or add half, and is still a walk that can be simulated.
+        if not 0.1 <= self.walk.friction <= 1.5:
+            raise SettingsError(f"walk.friction must be 0.1 to 1.5, got {self.walk.friction}")
 
     @property
     def outputs(self) -> tuple[str, ...]:

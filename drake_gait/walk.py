@@ -77,8 +77,8 @@ class WalkSettings:
     def __post_init__(self) -> None:
         if not self.time_limit > 0.0:
             raise SettingsError(f"time_limit must be > 0 s, got {self.time_limit}")
-        if not 0.1 <= self.friction <= 1.5:
-            raise SettingsError(f"friction must be a factor of 0.1 to 1.5, got {self.friction}")
+        if not 0.05 <= self.friction <= 2.25:
+            raise SettingsError(f"friction must be a factor of 0.05 to 2.25, got {self.friction}")
 
     @property
     def stepping(self) -> Integrator:

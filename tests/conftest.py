@@ -15,7 +15,7 @@ from drake_gait.plan import ConfirmationSettings, SearchSettings
 from drake_gait.problem import Candidate, DesignSpace
 from drake_gait.records import StudyWalk
 from drake_gait.search import search
-from drake_gait.settings import StudySettings
+from drake_gait.settings import StudySettings, read_study
 from drake_gait.store import Study
 from drake_gait.walk import Measures, Outcome, Walk
 from drake_gait.workers import Finished
@@ -116,6 +116,15 @@ def numbers(walks):
         )
         for walk in walks
     ]
+
+
+MINIMAL = """
+[study]
+name = "minimal"
+[box]
+centre_deg = [[0, -1, 3, 0], [13, -11, 8, 0], [16, -3, 14, 0], [8, 8, 8.5, 0]]
+half_width_deg = [[1, 1, 1, 1], [2, 2, 2, 2], [2, 2, 2, 2], [2, 2, 2, 2]]
+"""
 
 
 @pytest.fixture(scope="session")
@@ -230,3 +239,15 @@ def quick(monkeypatch):
 @pytest.fixture
 def path(tmp_path):
     return tmp_path / "study.db"
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Reads a study from its text."""
+
+    def read_text(text, overrides=None):
+        path = tmp_path / "study.toml"
+        path.write_text(text, encoding="utf-8")
+        return read_study(path, overrides)
+
+    return read_text

@@ -2,9 +2,11 @@
 
 import importlib.util
 import itertools
+import re
 import sys
 from pathlib import Path
 from types import ModuleType
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RevoluteSpring
 from pydrake.systems.framework import DiagramBuilder
 
+from drake_gait.errors import ModelError
 from drake_gait.foot import FOOT_WIDTH, TOE_GAP, FootDesign
 from drake_gait.gait import JOINTS
 from drake_gait.robot import (
@@ -24,6 +27,7 @@ from drake_gait.robot import (
     model_path,
     models_folder,
     sole_corners,
+    with_friction,
 )
 from drake_gait.servo import Servo
 
@@ -145,12 +149,14 @@ def test_the_toes_turn_up_to_thirty_degrees_on_the_papers_springs(robot: Robot) 
         assert spring.default_stiffness() == pytest.approx(stiffness)
 
 
+@pytest.mark.parametrize("factor", [1.0, 0.9, 0.05, 2.25])
 @pytest.mark.parametrize(
     ("links", "pair"), [(("foot",), (0.5, 0.417)), (("big_toe", "lesser_toes"), (0.17, 0.155))]
 )
-def test_sole_and_ground_combine_to_the_papers_friction(
-    robot: Robot, links: tuple[str, ...], pair: tuple[float, float]
+def test_sole_and_ground_combine_to_the_papers_friction_times_the_factor(
+    links: tuple[str, ...], pair: tuple[float, float], factor: float
 ) -> None:
+    robot = build_robot("khr3hv.sdf", FootDesign(), Servo(), friction=factor)
     inspector = robot.scene_graph.model_inspector()
     for link, side in itertools.product(links, "rl"):
         body = robot.plant.GetBodyByName(f"{link}_{side}")
@@ -162,7 +168,47 @@ def test_sole_and_ground_combine_to_the_papers_friction(
             ):
                 ground = GROUND_FRICTION
                 combined = 2.0 * surface * ground / (surface + ground)
-                assert combined == pytest.approx(wanted, abs=1e-6)
+                assert combined == pytest.approx(factor * wanted, abs=3e-6)
+
+
+def test_a_friction_of_one_leaves_the_description_alone() -> None:
+    text = model_path().read_text()
+    assert with_friction(text, 1.0) is text
+    changed = with_friction(text, 0.9)
+    frictions = re.compile(r"(<drake:mu_\w+>)[^<]*")
+    assert len(frictions.findall(changed)) == len(frictions.findall(text)) > 0
+    # Nothing else is another: what stands between the tags of friction does not count.
+    same = [ElementTree.canonicalize(frictions.sub(r"\1", one)) for one in (text, changed)]
+    assert same[0] == same[1]
+
+
+def test_frictions_multiply() -> None:
+    text = model_path().read_text()
+    once, twice = with_friction(text, 0.6), with_friction(with_friction(text, 0.8), 0.75)
+    numbers = re.compile(r"<drake:mu_\w+>([^<]*)")
+    found = [[float(value) for value in numbers.findall(one)] for one in (once, twice)]
+    assert found[0] == pytest.approx(found[1])
+
+
+@pytest.mark.parametrize(
+    ("value", "factor", "complaint"),
+    [
+        ("", 0.9, "<drake:mu_static> must be a number, got ''"),
+        ("slippery", 0.9, "<drake:mu_static> must be a number, got 'slippery'"),
+        ("1.0", 2.0, "no surface has 2 times the friction of <drake:mu_static> 1 on the ground"),
+    ],
+)
+def test_a_friction_that_cannot_be_multiplied_is_refused_in_one_line(
+    tmp_path: Path, value: str, factor: float, complaint: str
+) -> None:
+    text = model_path().read_text()
+    pattern = r"(<drake:mu_static>)[^<]*"
+    model = tmp_path / "robot.sdf"
+    model.write_text(re.sub(pattern, rf"\g<1>{value}", text))
+    with pytest.raises(ModelError) as refusal:
+        build_robot(model, FootDesign(), Servo(), friction=factor)
+    assert str(refusal.value).startswith(f"{model}: {complaint}")
+    assert "\n" not in str(refusal.value)
 
 
 @pytest.mark.parametrize(

@@ -5,19 +5,12 @@ import re
 
 import numpy as np
 import pytest
+from conftest import MINIMAL
 
 from drake_gait.errors import SettingsError
 from drake_gait.plan import SearchSettings
 from drake_gait.settings import read_override, read_study, study_settings
 from drake_gait.walk import Fidelity
-
-MINIMAL = """
-[study]
-name = "minimal"
-[box]
-centre_deg = [[0, -1, 3, 0], [13, -11, 8, 0], [16, -3, 14, 0], [8, 8, 8.5, 0]]
-half_width_deg = [[1, 1, 1, 1], [2, 2, 2, 2], [2, 2, 2, 2], [2, 2, 2, 2]]
-"""
 
 EVERY_KEY = """
 [study]
@@ -58,18 +51,6 @@ big_toe_width_mm = [10, 40]
 """
 
 N_MM_PER_DEG = 0.001 / np.radians(1.0)
-
-
-@pytest.fixture
-def read(tmp_path):
-    """Reads a study from its text."""
-
-    def read_text(text, overrides=None):
-        path = tmp_path / "study.toml"
-        path.write_text(text, encoding="utf-8")
-        return read_study(path, overrides)
-
-    return read_text
 
 
 def refused(read, text, overrides=None):

@@ -199,3 +199,46 @@ def test_who_watches_a_walk_sees_every_frame_and_changes_no_number() -> None:
     np.testing.assert_array_equal(
         [positions for _, positions in seen], watched.history.positions[1:]
     )
+
+
+def test_measures_are_those_of_a_history_without_the_history() -> None:
+    watched = simulate(WALKING, history=True)
+    measured = simulate(WALKING, WalkSettings(measures=True))
+    assert measured.history is None
+    assert measured.measures is not None
+    assert measured.measures == watched.measures
+    assert numbers(measured) == numbers(watched)
+    assert simulate(WALKING).measures is None
+
+
+def test_a_fall_has_measures_too() -> None:
+    walk = simulate(FALLING, WalkSettings(measures=True))
+    assert walk.outcome is Outcome.FELL
+    assert walk.measures is not None
+    assert walk.measures.energy > 0.0
+
+
+def test_another_friction_walks_another_walk_and_a_factor_of_one_the_same() -> None:
+    usual = simulate(WALKING)
+    assert numbers(simulate(WALKING, WalkSettings(friction=1.0))) == numbers(usual)
+    slippery, sticky = (
+        simulate(WALKING, WalkSettings(friction=friction)) for friction in (0.9, 1.1)
+    )
+    assert len({walk.forward for walk in (usual, slippery, sticky)}) == 3
+    assert numbers(simulate(WALKING)) == numbers(usual)  # Robots of both are kept side by side.
+
+
+def test_on_ice_the_soles_slide_further() -> None:
+    usual, ice = (
+        simulate(WALKING, WalkSettings(friction=friction, measures=True)).measures
+        for friction in (1.0, 0.05)
+    )
+    assert usual is not None
+    assert ice is not None
+    assert sum(ice.slip) > 1.5 * sum(usual.slip)
+
+
+@pytest.mark.parametrize("friction", [0.04, 2.3, -1.0, float("nan")])
+def test_a_friction_out_of_range_is_refused(friction: float) -> None:
+    with pytest.raises(SettingsError, match=r"friction must be a factor of 0\.05 to 2\.25, got"):
+        WalkSettings(friction=friction)
