@@ -102,7 +102,7 @@ def test_they_return_from_their_description(read):
     [
         ("[search]\nmode = 'defualt'", "search.mode must be one of default, paper, isade, cmaes"),
         ("[search]\nobjective = 'speed'", "search.objective must be one of distance"),
-        ("[search]\nreplicas = 3", "search.samples must be a multiple of search.replicas (3)"),
+        ("[search]\nreplicas = 3", "leaves 200 walks for candidates that are proposed"),
         ("[confirmation]\nwalks = -1", "confirmation.walks"),
         ("[confirmation]\nfeasible = 9", "confirmation.feasible (9)"),
         ("[confirmation]\nnoise_deg = 6", "confirmation.noise must be 0 to 5.73 degrees, got 6"),
