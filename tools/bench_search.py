@@ -3,9 +3,9 @@
     python tools/bench_search.py --output runs/bench_search --seeds 5 --simulations 600 --jobs 2
 
 Every mode searches the same study with the same seeds; each (mode, seed) is an ordinary study in
-OUTPUT/<mode>/seed-<n>, which is gone on with where it stands. It prints a table of the best feasible
-distance after so many walks, median (smallest to largest) over the seeds, with 0 for none yet, and
-of what the confirmation said; with --figure it draws the curves.
+OUTPUT/<mode>/seed-<n>, which is gone on with where it stands. It prints a table of the best
+feasible distance after so many walks, median (smallest to largest) over the seeds, with 0 for none
+yet, and of what the confirmation said; with --figure it draws the curves.
 """
 
 import argparse
