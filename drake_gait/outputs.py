@@ -13,7 +13,7 @@ from drake_gait.errors import StudyError
 from drake_gait.figures import save_picture
 from drake_gait.gait import FloatArray
 from drake_gait.portraits import chronophotograph, pictures
-from drake_gait.proposers import training_data
+from drake_gait.proposal import training_data
 from drake_gait.ranking import best_walk
 from drake_gait.recording import record
 from drake_gait.records import StudyWalk

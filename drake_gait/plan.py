@@ -30,12 +30,12 @@ class SearchSettings:
     """What proposes the walks."""
     objective: Objective = Objective.DISTANCE
     """What is wanted of a walk."""
-    samples: int = 200
+    samples: int = 100
     """Walks of the design of experiments (paper: Eq. 29 gives 169, some were added)."""
     simulations: int = 400
     """Walks in all, design of experiments included, confirmation not."""
-    batch: int = 8
-    """Candidates proposed by one network; all are simulated before the next is trained."""
+    batch: int = 12
+    """Candidates proposed by one network, at least 4."""
     replicas: int = 1
     """Walks of every candidate that is proposed: the first as it is, the others perturbed.
 
@@ -50,8 +50,9 @@ class SearchSettings:
         object.__setattr__(
             self, "objective", _one_of("search.objective", Objective, self.objective)
         )
-        for name in ("samples", "simulations", "batch", "replicas"):
+        for name in ("samples", "simulations", "replicas"):
             _whole(f"search.{name}", getattr(self, name), 1)
+        _whole("search.batch", self.batch, 4)  # CMA-ES has no smaller population.
         if self.stagnation is not None:
             _whole("search.stagnation", self.stagnation, 1)
         if self.samples > self.simulations:

@@ -9,17 +9,15 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
-import numpy as np
-
 from drake_gait.confirmation import confirm
-from drake_gait.gait import FloatArray
 from drake_gait.problem import Trial
-from drake_gait.proposers import Proposal, proposer
+from drake_gait.proposal import Proposal
+from drake_gait.proposers import proposer
 from drake_gait.ranking import Sample, sample
 from drake_gait.runner import Evaluate, Planned, Progress, Runner, perturbed
 from drake_gait.settings import StudySettings
 from drake_gait.store import Study
-from drake_gait.surrogate import Prediction, Surrogate
+from drake_gait.surrogate import Network, Prediction, Surrogate
 
 
 def search(
@@ -44,9 +42,10 @@ def search(
                 continue
             if run.has_converged(iteration):  # Step 6.
                 break
-            proposal = planner.submit(run.proposing(iteration))  # Steps 1, 3 and 4.
+            learning = planner.submit(run.learning(iteration))  # Step 3.
             runner.finish()  # Meanwhile: what the iteration before still simulates.
-            runner.start(run.planned(iteration, proposal.result()))  # Steps 2 and 5.
+            proposal = run.propose(iteration, learning.result())  # Steps 1 and 4.
+            runner.start(run.planned(iteration, proposal))  # Steps 2 and 5.
         runner.finish()
     confirm(settings, runner, run.samples())
 
@@ -63,7 +62,6 @@ class _Run:
         self._proposer = proposer(settings)
         self._single = self._proposer.samples if self._plan.learns else 0
         self._known: dict[int, Sample] = {}
-        self._proposed: dict[int, FloatArray] = {}
 
     @property
     def iterations(self) -> int:
@@ -85,15 +83,17 @@ class _Run:
         best = min(self._samples_before(iteration), key=lambda one: one.rank)
         return best.number < self._numbers(iteration - patience).start
 
-    def proposing(self, iteration: int) -> Callable[[], Proposal]:
-        """Makes the proposal of an iteration, from walks that are known now."""
-        self._finish_before(iteration)
-        known = self._samples_before(self._last_known(iteration) + 1)
-        waiting = range(len(known), self._numbers(iteration).start)
-        x = np.array([self._x(number) for number in waiting])
-        under_way = x.reshape(-1, self._settings.space.dimension)
-        count = len(self._numbers(iteration))
-        return partial(self._proposer.propose, iteration, known, under_way, count)
+    def learning(self, iteration: int) -> Callable[[], Network | None]:
+        """Learns for an iteration, from walks that are known now."""
+        last = iteration - 2 if self._proposer.learns_ahead and iteration > 1 else iteration - 1
+        if last == iteration - 1:
+            self._runner.finish()
+        return partial(self._proposer.learn, iteration, self._samples_before(last + 1))
+
+    def propose(self, iteration: int, network: Network | None) -> Proposal:
+        """The candidates of an iteration."""
+        known, count = self._samples_before(iteration), len(self._numbers(iteration))
+        return self._proposer.propose(iteration, known, network, count)
 
     def planned(self, iteration: int, proposal: Proposal) -> Iterator[Planned]:
         """The walks of a proposal."""
@@ -103,7 +103,6 @@ class _Run:
         expected = proposal.network.predict(proposal.x) if proposal.network else None
         for place, number in enumerate(self._numbers(iteration)):
             candidate = self._settings.space.decode(proposal.x[place])
-            self._proposed[number] = self._settings.space.encode(candidate)
             nominal = Trial(candidate=candidate, settings=self._settings.trial_settings)
             for variation, id_ in enumerate(self._ids(number)):
                 first = self._ids(number).start
@@ -145,14 +144,6 @@ class _Run:
         start = self._single + (number - self._single) * self._plan.replicas
         return range(start, start + self._plan.replicas)
 
-    def _last_known(self, iteration: int) -> int:
-        """The last iteration whose walks a proposal knows: the next may still be under way."""
-        return max(iteration - 2, 0) if self._proposer.overlaps and iteration else iteration - 1
-
-    def _finish_before(self, iteration: int) -> None:
-        if self._last_known(iteration) == iteration - 1:
-            self._runner.finish()
-
     def _samples_before(self, iteration: int) -> list[Sample]:
         stop = self._numbers(iteration).start
         return [self._sample(number) for number in range(stop)]
@@ -162,11 +153,6 @@ class _Run:
             walks = [self._runner.walks[id_] for id_ in self._ids(number)]
             self._known[number] = sample(number, walks, self._settings)
         return self._known[number]
-
-    def _x(self, number: int) -> FloatArray:
-        """The design vector of a candidate, known or under way: the same to the last digit."""
-        walk = self._runner.walks.get(self._ids(number).start)
-        return self._settings.space.encode(walk.candidate) if walk else self._proposed[number]
 
 
 def _expected(prediction: Prediction, index: int) -> dict[str, float]:

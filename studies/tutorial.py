@@ -16,7 +16,7 @@ from drake_gait import Candidate, FootDesign, Gait, Study, WalkSettings, assess,
 from drake_gait.confirmation import winner
 from drake_gait.foot import N_MM_PER_DEG
 from drake_gait.problem import OUTPUTS, Constraints
-from drake_gait.proposers import training_data
+from drake_gait.proposal import training_data
 from drake_gait.ranking import best_walk, feasible_walks
 from drake_gait.recording import record
 from drake_gait.records import StudyWalk

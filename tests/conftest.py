@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import settings as hypothesis_settings
 
-from drake_gait import proposers, surrogate
+from drake_gait import proposal, surrogate
 from drake_gait.foot import FootDesign
 from drake_gait.gait import Gait
 from drake_gait.plan import ConfirmationSettings, SearchSettings
@@ -226,8 +226,7 @@ def shorten_trainings(monkeypatch):
     """Smaller networks and shorter runs of ISADE: the laws of a search hold for any."""
     monkeypatch.setattr(surrogate, "_EPOCHS", 20)
     monkeypatch.setattr(surrogate, "_PAPER_EPOCHS", 20)
-    monkeypatch.setattr(proposers, "_ISADE_ITERATIONS", 8)
-    monkeypatch.setattr(proposers, "_PAPER_ITERATIONS", 8)
+    monkeypatch.setattr(proposal, "ISADE_ITERATIONS", 8)
 
 
 @pytest.fixture

@@ -101,7 +101,7 @@ def test_the_help_names_every_option(capsys):
         (("--seed", "-1"), "study.seed"),
         (("--seed", "two"), "study.seed must be a whole number >= 0, got two"),
         (("--simulations", "4e2"), "search.simulations must be a whole number >= 1, got 400.0"),
-        (("--set", "search.batch=ten"), "search.batch must be a whole number >= 1, got ten"),
+        (("--set", "search.batch=ten"), "search.batch must be a whole number >= 4, got ten"),
         (("--set", "serach.batch=10"), "no section is called 'serach'; the nearest is 'search'"),
         (("--set", "search.bach=10"), "'bach'; the nearest is 'batch'"),
         (("--set", "samples=10"), "section.key=value, like search.samples=..., got 'samples=10'"),

@@ -42,9 +42,11 @@ def test_a_choice_may_be_given_by_its_word(mode, objective):
 
 
 @pytest.mark.parametrize("value", [0, -1, 2.5, 2.0, "2", True, math.nan, None])
-@pytest.mark.parametrize("name", ["samples", "simulations", "batch", "replicas"])
-def test_a_number_of_walks_is_a_whole_number_of_one_or_more(name, value):
-    expected = f"search.{name} must be a whole number >= 1, got {value}"
+@pytest.mark.parametrize(
+    ("name", "least"), [("samples", 1), ("simulations", 1), ("batch", 4), ("replicas", 1)]
+)
+def test_a_number_of_walks_is_a_whole_number_of_the_least_or_more(name, least, value):
+    expected = f"search.{name} must be a whole number >= {least}, got {value}"
     assert refusal(SearchSettings, **{name: value}) == expected
 
 

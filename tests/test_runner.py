@@ -189,7 +189,7 @@ def test_without_noise_and_change_of_friction_a_variation_is_the_same_trial(stud
 
 
 def test_every_candidate_of_a_search_has_its_replicas_in_order(quick, study, path):
-    settings: StudySettings = planned(study, samples=25, simulations=43, batch=2, replicas=3)
+    settings: StudySettings = planned(study, samples=25, simulations=43, batch=4, replicas=3)
     ground = Ground(settings.space)
     walks = run(settings, path, ground)
     assert len(walks) == len(ground.trials) == 43

@@ -17,7 +17,7 @@ PLANS = {
     "paper": {"mode": Mode.PAPER, "samples": 20, "simulations": 26},
     "isade": {"mode": Mode.ISADE, "samples": 1, "simulations": 75},
     "cmaes": {"mode": Mode.CMAES, "samples": 1, "simulations": 41},
-    "replicas": {"samples": 24, "simulations": 42, "batch": 2, "replicas": 3},
+    "replicas": {"samples": 24, "simulations": 42, "batch": 4, "replicas": 3},
     "isade replicas": {"mode": Mode.ISADE, "samples": 2, "simulations": 130, "replicas": 2},
 }
 """Every mode; budgets that end in the midst of a batch."""

@@ -66,7 +66,7 @@ def refused(read, text, overrides=None):
 def test_a_study_needs_a_name_and_a_box_only(read):
     study = read(MINIMAL)
     assert study.name == "minimal"
-    assert (study.seed, study.search.samples, study.search.simulations) == (0, 200, 400)
+    assert (study.seed, study.search.samples, study.search.simulations) == (0, 100, 400)
     assert study.walk.fidelity is Fidelity.SEARCH
     assert study.walk.model == "khr3hv.sdf"
 
@@ -123,7 +123,7 @@ def test_walk_servo_and_search_are_written_in_si(read):
 def test_the_paper_s_study_is_the_paper_s(paper_study):
     study = read_study(paper_study)
     assert study.name == "paper"
-    assert study.search.samples == 200
+    assert study.search.samples == 100
     limits = study.constraints
     assert limits.lateral == pytest.approx(0.020)
     assert np.degrees(limits.yaw) == pytest.approx(5.0)

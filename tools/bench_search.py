@@ -5,7 +5,8 @@
 Every mode searches the same study with the same seeds; each (mode, seed) is an ordinary study in
 OUTPUT/<mode>/seed-<n>, which is gone on with where it stands. It prints a table of the best
 feasible distance after so many walks, median (smallest to largest) over the seeds, with 0 for none
-yet, and of what the confirmation said; with --figure it draws the curves.
+yet, and of the median distance of the robust winner; with --figure it draws the curves. The mode
+"paper" has the 200 samples of the paper.
 """
 
 import argparse
@@ -36,7 +37,8 @@ WALKS = (100, 200, 300, 400, 600, 1000, 1500, 2000, 2500)
 def settings_of(study: Path, mode: str, seed: int, simulations: int) -> StudySettings:
     """The study's settings for one run."""
     settings = read_study(study)
-    plan = replace(settings.search, mode=Mode(mode), simulations=simulations)
+    samples = 200 if mode == Mode.PAPER else settings.search.samples
+    plan = replace(settings.search, mode=Mode(mode), samples=samples, simulations=simulations)
     return replace(settings, seed=seed, search=plan)
 
 

@@ -35,7 +35,7 @@ import numpy as np
 from drake_gait import simulation
 from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray, Gait
 from drake_gait.problem import Candidate, assess
-from drake_gait.proposers import design_of_experiments
+from drake_gait.proposal import design_of_experiments
 from drake_gait.settings import StudySettings, default_study, read_study
 from drake_gait.walk import Fidelity, Integrator, Walk, WalkSettings
 from drake_gait.workers import LocalProcesses
