@@ -19,7 +19,7 @@ mode = "isade"
 objective = "cost_of_transport"
 samples = 30
 simulations = 90
-replicas = 3
+replicas = 7
 [confirmation]
 walks = 60
 winners = 2
@@ -102,7 +102,7 @@ def test_they_return_from_their_description(read):
     [
         ("[search]\nmode = 'defualt'", "search.mode must be one of default, paper, isade, cmaes"),
         ("[search]\nobjective = 'speed'", "search.objective must be one of distance"),
-        ("[search]\nreplicas = 3", "leaves 200 walks for candidates that are proposed"),
+        ("[search]\nreplicas = 7", "leaves 300 walks for candidates that are proposed"),
         ("[confirmation]\nwalks = -1", "confirmation.walks"),
         ("[confirmation]\nfeasible = 9", "confirmation.feasible (9)"),
         ("[confirmation]\nnoise_deg = 6", "confirmation.noise must be 0 to 5.73 degrees, got 6"),
