@@ -19,7 +19,7 @@ mode = "isade"
 objective = "cost_of_transport"
 samples = 30
 simulations = 90
-replicas = 7
+replicas = 3
 [confirmation]
 walks = 60
 winners = 2
