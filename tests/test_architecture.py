@@ -27,6 +27,7 @@ WALLS = {
     "dask": {"cluster"},
     "distributed": {"cluster"},
     "matplotlib": {"figures", "walk_figures", "study_figures", "sweep_figures"},
+    "cmaes": {"baselines", "trust_region"},
     "rich": {"progress"},
     "optuna": {"optuna_study"},
     "jinja2": {"report_page"},

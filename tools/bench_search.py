@@ -23,7 +23,9 @@ import numpy as np
 
 from drake_gait.confirmation import winner
 from drake_gait.plan import Mode
+from drake_gait.ranking import best_walk
 from drake_gait.records import CONFIRMATIONS
+from drake_gait.result import PAPER_TABLE
 from drake_gait.search import search
 from drake_gait.settings import StudySettings, default_study, read_study
 from drake_gait.simulation import walk_trial
@@ -85,6 +87,22 @@ def table(curves: dict[str, list[np.ndarray]], robust: dict[str, list[float]]) -
     return "\n".join(lines)
 
 
+def table_ii(folders: Sequence[Path], settings: Sequence[StudySettings], walks: int) -> str:
+    """The best feasible walk of every seed's first walks, like the paper's Table II."""
+    lines = ["| | X [mm] | Z [mm] | R [deg] | N |", "|---|---|---|---|---|"]
+    for folder, one in zip(folders, settings, strict=True):
+        with Study.open(folder) as study:
+            best = best_walk([walk for walk in study.walks() if walk.id < walks], one.constraints)
+        walk = best.walk
+        lines.append(
+            f"| seed {one.seed}, walk {best.id} | {1e3 * walk.lateral:.1f} | "
+            f"{1e3 * walk.forward:.1f} | {np.degrees(walk.yaw):.2f} | {walk.steps} |"
+        )
+    for number, (lateral, forward, yaw, steps) in enumerate(PAPER_TABLE, 1):
+        lines.append(f"| the paper's F{number} | {lateral} | {forward} | {yaw} | {steps} |")
+    return "\n".join(lines)
+
+
 def spread(values: Sequence[float]) -> str:
     """Median (smallest to largest), in whole millimetres."""
     if not values:
@@ -122,6 +140,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--simulations", type=int, default=600)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--table-ii", type=int, metavar="WALKS", help="print the default's best")
     parser.add_argument("--figure", type=Path)
     options = parser.parse_args()
     wanted = {
@@ -141,6 +160,11 @@ def main() -> None:
         curves.setdefault(key[0], []).append(best_after(folders[key], settings))
         robust.setdefault(key[0], []).append(confirmed(folders[key], settings))
     print(f"\nbest feasible distance [mm]\n\n{table(curves, robust)}")
+    if options.table_ii:
+        seeds = [key for key in wanted if key[0] == Mode.DEFAULT]
+        runs, settings = [folders[key] for key in seeds], [wanted[key] for key in seeds]
+        print(f"\nTable II, {options.table_ii} walks\n")
+        print(table_ii(runs, settings, options.table_ii))
     if options.figure:
         draw(curves, options.figure)
 
