@@ -27,7 +27,7 @@ from drake_gait.walk import Walk
 
 WalkFunction = Callable[[Trial], Walk]
 
-_WALKS_PER_PROCESS = 1000
+_WALKS_PER_PROCESS = 120
 """A process is replaced after so many walks, so that its memory stays bounded."""
 
 _START_LIMIT = 300.0  # To import Drake from the network disk of a busy cluster [s].
