@@ -1,11 +1,12 @@
 """Measure how fast and how well a walk is simulated: `python tools/bench_walk.py`.
 
-Four tables, from one Latin hypercube of a study's box:
+Five tables, from one Latin hypercube of a study's box:
 
     integrators   each against the reference fidelity: survivors in common, correlation and median
                   difference of Z, X and yaw, processor time of a walk, walks per second
     convergence   feasible walks only: what a finer step, a tighter accuracy and small changes of
                   the coefficients do to them
+    servo         feasible walks only: what other gains of the servos do to them
     overhead      processor time of `simulate` against a bare loop of Drake's own stepping
     workers       how long a worker process takes to start, and the most memory that one ever holds
 
@@ -146,18 +147,46 @@ def print_row(name: str, cells: str, batch: Batch) -> None:
           flush=True)  # fmt: skip
 
 
-def convergence(
-    pool: ProcessPoolExecutor, candidates: list[Candidate], settings: StudySettings, seed: int
-) -> None:
-    """Print the second table, for the candidates that are feasible at search fidelity."""
-    walk = settings.walk
-    found = run(pool, candidates, walk)
+def feasible(
+    pool: ProcessPoolExecutor, candidates: list[Candidate], settings: StudySettings
+) -> tuple[list[Candidate], Batch]:
+    """The candidates that are feasible at search fidelity, and their walks."""
+    found = run(pool, candidates, settings.walk)
     chosen = [
         candidate
         for candidate, result in zip(candidates, found.walks, strict=True)
         if assess(result, settings.constraints).feasible
     ]
-    base = run(pool, chosen, walk)
+    return chosen, run(pool, chosen, settings.walk)
+
+
+def servo(pool: ProcessPoolExecutor, candidates: list[Candidate], settings: StudySettings) -> None:
+    """Print how the servos' gains change walks that are feasible with the default ones."""
+    chosen, base = feasible(pool, candidates, settings)
+    print(f"\n{len(chosen)} feasible walks\n")
+    print("| stiffness N·m/rad | damping N·m·s/rad | survive | feasible | median Z mm | Z r (mm) |")
+    print("|---|---|---|---|---|---|")
+    default = settings.walk.servo
+    gains = [(default.stiffness, default.damping)]
+    gains += [(value, default.damping) for value in (10.0, 15.0, 30.0, 50.0)]
+    gains += [(default.stiffness, value) for value in (0.05, 0.1, 0.4)]
+    for stiffness, damping in gains:
+        changed = replace(default, stiffness=stiffness, damping=damping)
+        batch = run(pool, chosen, replace(settings.walk, servo=changed))
+        good = [assess(walk, settings.constraints).feasible for walk in batch.walks]
+        forward = batch.numbers[batch.survived, 0]
+        relation = compare(batch, base).split(" | ")[1]
+        print(f"| {stiffness:g} | {damping:g} | {100 * batch.survived.mean():.0f} % | "
+              f"{100 * np.mean(good):.0f} % | {np.median(forward):.0f} | {relation} |",
+              flush=True)  # fmt: skip
+
+
+def convergence(
+    pool: ProcessPoolExecutor, candidates: list[Candidate], settings: StudySettings, seed: int
+) -> None:
+    """Print the second table, for the candidates that are feasible at search fidelity."""
+    walk = settings.walk
+    chosen, base = feasible(pool, candidates, settings)
     reference = replace(walk, fidelity=Fidelity.REFERENCE)
     exact = run(pool, chosen, reference)
     tight = replace(walk, integrator=Integrator(step=FRAME_TIME, accuracy=1e-5))
@@ -261,7 +290,7 @@ def main() -> None:
     """Print the tables that are asked for."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument(
-        "tables", nargs="*", default=["workers", "integrators", "convergence", "overhead"]
+        "tables", nargs="*", default=["workers", "integrators", "convergence", "servo", "overhead"]
     )
     parser.add_argument("--study", type=Path, default=default_study())
     parser.add_argument("--walks", type=int, default=200)
@@ -275,6 +304,8 @@ def main() -> None:
         run(pool, candidates[: 2 * options.workers], settings.walk)  # Imports and builds.
         if "integrators" in options.tables:
             integrators(pool, candidates, settings.walk)
+        if "servo" in options.tables:
+            servo(pool, candidates, settings)
         if "convergence" in options.tables:
             convergence(pool, candidates, settings, options.seed)
     if "overhead" in options.tables:
