@@ -18,7 +18,14 @@ from drake_gait.interruption import exit_status, sigterm_interrupts
 from drake_gait.outputs import write_outputs
 from drake_gait.progress import display
 from drake_gait.records import CONFIRMATIONS
-from drake_gait.result import in_words, manner_in_words, r_squared_line, robust_table, table
+from drake_gait.result import (
+    baselines_line,
+    in_words,
+    manner_in_words,
+    r_squared_line,
+    robust_table,
+    table,
+)
 from drake_gait.settings import StudySettings, default_study, read_override, read_study
 from drake_gait.store import Study
 from drake_gait.study import open_study, run_study
@@ -123,6 +130,7 @@ def _write_results(settings: StudySettings, study: Study, folder: Path) -> None:
     written = write_outputs(settings, walks, folder, wall_s=wall_s)
     if written.network is not None:
         print(f"network of all {len(walks)} walks: {r_squared_line(written.network)}")
+        print(baselines_line(written.result))
     else:
         print(
             f"no network: {written.result['survivors']} of {len(walks)} walks survived, and it "

@@ -24,6 +24,7 @@ from drake_gait.sensitivity import sensitivity
 from drake_gait.settings import StudySettings
 from drake_gait.simulation import simulate
 from drake_gait.surrogate import Surrogate
+from drake_gait.surrogate_baselines import Comparison, compare
 from drake_gait.walk import History, Walk
 
 _ROOM = 0.17  # from one exposure of a portrait to the next [m]
@@ -53,14 +54,14 @@ def write_outputs(
         GaitError: a file cannot be written.
     """
     searched = [walk for walk in walks if walk.stage != STAGE]
-    network = _network(settings, searched)
+    network, baselines = _learnt(settings, searched)
     robust = winner(settings, walks)
     objective = settings.search.objective
     best = robust.walk if robust else best_walk(searched, settings.constraints, objective)
     replayed = simulate(best.candidate, settings.walk, history=True)
     jumps = np.degrees(np.abs(best.candidate.gait.jumps)).max(axis=1)
     result = {
-        **summary(settings, walks, network, wall_s=wall_s),
+        **summary(settings, walks, network, wall_s=wall_s, baselines=baselines),
         "measures": asdict(replayed.measures) if replayed.measures else None,
         "jumps_deg": {"0.3 s": float(jumps[0]), "3.3 s": float(jumps[1])},
     }
@@ -78,12 +79,15 @@ def write_outputs(
     return Outputs(result=result, best=best, replayed=replayed, network=network)
 
 
-def _network(settings: StudySettings, walks: list[StudyWalk]) -> Surrogate | None:
-    """The network that all walks of the study give, if enough survived."""
+def _learnt(
+    settings: StudySettings, walks: list[StudyWalk]
+) -> tuple[Surrogate | None, Comparison | None]:
+    """The network that all walks of the study give, and its baselines, if enough survived."""
     x, outputs, survived = training_data(walks, settings.space, settings.outputs)
     if survived.sum() < surrogate.FEWEST_SURVIVORS:
-        return None
-    return surrogate.fit(x, outputs, survived, seed=settings.seed)
+        return None, None
+    network = surrogate.fit(x, outputs, survived, seed=settings.seed)
+    return network, compare(network, x, outputs, survived, seed=settings.seed)
 
 
 def _draw_walk(settings: StudySettings, best: StudyWalk, replayed: Walk, folder: Path) -> None:

@@ -198,15 +198,18 @@ def failures(walks: Iterable[StudyWalk]) -> Table:
 
 
 def network(result: Mapping[str, Any]) -> Table | None:
-    """R² of every output; None without a network."""
+    """R² of every output, and held out that of the baselines; None without a network."""
     train, heldout = result["r2_train"], result["r2_heldout"]
+    # Results of before had no baselines.
+    beside = [result.get(f"r2_heldout_{name}") or {} for name in ("ridge", "kriging")]
     if all(value is None for value in train.values()):
         return None
     return Table(
         caption="Share of the variance that the network explains, R²",
-        columns=["output", "training", "held out"],
+        columns=["output", "training", "held out", "ridge, held out", "kriging, held out"],
         rows=[
             [OUTPUT_NAMES.get(name, name), number(train[name], 2), number(heldout[name], 2)]
+            + [number(one.get(name), 2) for one in beside]
             for name in train
         ],
     )

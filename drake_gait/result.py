@@ -13,6 +13,7 @@ from drake_gait.ranking import best_walk, feasible_walks
 from drake_gait.records import StudyWalk
 from drake_gait.settings import StudySettings
 from drake_gait.surrogate import Surrogate
+from drake_gait.surrogate_baselines import Comparison
 from drake_gait.walk import Measures, Walk
 
 PAPER_TABLE = (
@@ -33,6 +34,7 @@ def summary(
     walks: Sequence[StudyWalk],
     network: Surrogate | None,
     *,
+    baselines: Comparison | None = None,
     wall_s: float,
 ) -> dict[str, Any]:
     """What result.json holds: the best walk, how the search went, and with what.
@@ -69,6 +71,10 @@ def summary(
         "feasible_count": sum(settings.assess(walk.walk).feasible for walk in searched),
         "r2_train": _by_output(network.r2_train if network else None),
         "r2_heldout": _by_output(network.r2_heldout if network else None),
+        "r2_heldout_ridge": _by_output(baselines.ridge if baselines else None),
+        "r2_heldout_kriging": _by_output(baselines.kriging if baselines else None),
+        "survival_auc": baselines.network_auc if baselines else None,
+        "survival_auc_logistic": baselines.logistic_auc if baselines else None,
         "wall_s": wall_s,
         "versions": versions(),
     }
@@ -151,6 +157,25 @@ def r_squared_line(network: Surrogate) -> str:
     return "R² training / held-out: " + "   ".join(
         f"{name} {train:.2f} / {heldout:.2f}" for name, train, heldout in pairs
     )
+
+
+def baselines_line(result: Mapping[str, Any]) -> str:
+    """Held-out R² of ridge and kriging, as a result has them, and how survival is told, as text."""
+    pairs = ((f"r2_heldout_{name}", name) for name in ("ridge", "kriging"))
+    parts = [
+        f"{name} Z {_two_digits(result[key]['forward'])}   "
+        f"X {_two_digits(result[key]['lateral'])}   R {_two_digits(result[key]['yaw'])}"
+        for key, name in pairs
+    ]
+    return (
+        f"held-out, beside it: {'; '.join(parts)}; survival (AUC) network "
+        f"{_two_digits(result['survival_auc'])}, "
+        f"logistic {_two_digits(result['survival_auc_logistic'])}"
+    )
+
+
+def _two_digits(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"
 
 
 def in_words(walk: Walk) -> str:

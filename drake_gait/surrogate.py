@@ -18,6 +18,7 @@ from drake_gait.errors import SettingsError
 from drake_gait.gait import FloatArray
 
 BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
 
 _MEMBERS = 8
 _HIDDEN_UNITS = 32
@@ -112,7 +113,7 @@ class _Ensemble:
 class _Loss:
     """Mean loss over the walks that each member may see."""
 
-    def __init__(self, target: FloatArray, folds: NDArray[np.int64], *, logistic: bool) -> None:
+    def __init__(self, target: FloatArray, folds: IntArray, *, logistic: bool) -> None:
         self.target = torch.from_numpy(target)
         seen = folds[None, :] != np.arange(_MEMBERS)[:, None]
         self.seen = torch.from_numpy(seen)[:, :, None].to(torch.float64)
@@ -137,6 +138,7 @@ class Surrogate:
         classifier: _Ensemble | None,
         scaling: tuple[FloatArray, FloatArray],
         heldout: FloatArray,
+        survival_heldout: FloatArray | None,
         targets: FloatArray,
         x: FloatArray,
     ) -> None:
@@ -147,6 +149,9 @@ class Surrogate:
         """Outputs of the walks learnt from that survived, shape (n, k)."""
         self.heldout = heldout
         """Their prediction by a member that has not seen them, shape (n, k)."""
+        self.survival_heldout = survival_heldout
+        """Every walk's probability to survive by a member that has not seen it, shape (all walks,);
+        None where none fell."""
         self.fitted = self._members(x).mean(axis=0)
         """Their prediction by the whole ensemble, shape (n, k)."""
         self._residual = (targets - heldout).std(axis=0)
@@ -204,20 +209,25 @@ def fit(x: FloatArray, outputs: FloatArray, survived: BoolArray, *, seed: int = 
     targets = outputs[survived]
     scaling = (targets.mean(axis=0), np.maximum(targets.std(axis=0), 1e-12))
     x_survived = torch.from_numpy(x[survived])
-    folds = _folds(survivors, seed)
+    folds = folds_of(survivors, seed)
     regressor = _Ensemble(x.shape[1], outputs.shape[1], generator)
     regressor.train(_Loss((targets - scaling[0]) / scaling[1], folds, logistic=False), x_survived)
 
-    classifier = None
+    classifier = survival_heldout = None
     if survivors < len(x):
         classifier = _Ensemble(x.shape[1], 1, generator)
-        labels = survived[:, None].astype(float)
-        classifier.train(_Loss(labels, _folds(len(x), seed), logistic=True), torch.from_numpy(x))
+        labels, leaves_out = survived[:, None].astype(float), folds_of(len(x), seed)
+        classifier.train(_Loss(labels, leaves_out, logistic=True), torch.from_numpy(x))
+        with torch.no_grad():
+            survival = torch.sigmoid(classifier(torch.from_numpy(x))).numpy()
+        survival_heldout = survival[leaves_out, np.arange(len(x)), 0]
 
     with torch.no_grad():
         members = regressor(x_survived).numpy()
     heldout = scaling[0] + scaling[1] * members[folds, np.arange(survivors)]
-    return Surrogate(regressor, classifier, scaling, heldout, targets, x[survived])
+    return Surrogate(
+        regressor, classifier, scaling, heldout, survival_heldout, targets, x[survived]
+    )
 
 
 class SingleNetwork:
@@ -256,7 +266,7 @@ def fit_single(x: FloatArray, targets: FloatArray, *, seed: int = 0) -> SingleNe
     return SingleNetwork(network, scaling)
 
 
-def _folds(count: int, seed: int) -> NDArray[np.int64]:
+def folds_of(count: int, seed: int) -> IntArray:
     """The member that leaves each walk out, shape (count,)."""
     return np.random.default_rng([seed, count]).permutation(count) % _MEMBERS
 

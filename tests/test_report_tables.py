@@ -101,3 +101,17 @@ def test_every_row_of_every_table_has_a_cell_for_every_column(entry, study):
     ]
     for table in tables:
         assert {len(row) for row in table.rows} == {len(table.columns)}, table.caption
+
+
+def test_the_network_s_table_has_the_baselines_beside_it():
+    result = {
+        "r2_train": {"forward": 0.9},
+        "r2_heldout": {"forward": 0.5},
+        "r2_heldout_ridge": {"forward": 0.25},
+        "r2_heldout_kriging": {"forward": None},
+    }
+    table = report_tables.network(result)
+    assert list(table.columns)[2:] == ["held out", "ridge, held out", "kriging, held out"]
+    assert list(table.rows[0]) == ["Z, forward", "0.90", "0.50", "0.25", "–"]
+    of_before = {key: result[key] for key in ("r2_train", "r2_heldout")}
+    assert list(report_tables.network(of_before).rows[0])[3:] == ["–", "–"]

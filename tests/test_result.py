@@ -10,17 +10,20 @@ from drake_gait import surrogate
 from drake_gait.problem import Constraints
 from drake_gait.result import (
     PAPER_TABLE,
+    baselines_line,
     in_words,
     r_squared_line,
     summary,
     table,
 )
+from drake_gait.surrogate_baselines import Comparison
 from drake_gait.walk import Outcome, Walk
 
 KEYS = {
     *("study", "seed", "feasible", "forward_mm", "lateral_mm", "yaw_deg", "com_height_mm"),
     *("steps", "coefficients_deg", "foot", "simulations", "survivors", "feasible_count"),
-    *("r2_train", "r2_heldout", "wall_s", "versions"),
+    *("r2_train", "r2_heldout", "r2_heldout_ridge", "r2_heldout_kriging"),
+    *("survival_auc", "survival_auc_logistic", "wall_s", "versions"),
 }
 
 
@@ -101,6 +104,32 @@ def test_the_summary_is_json_that_every_reader_takes(outcome, study, walks):
         "yaw": None,
         "com_height": None,
     }
+
+
+def test_the_baselines_stand_beside_the_network(study, walks, network):
+    found = Comparison(
+        ridge=np.array([0.25, 0.5, -0.125, -np.inf]),
+        kriging=np.array([0.375, 0.625, 0.0, np.nan]),
+        network_auc=0.875,
+        logistic_auc=None,
+    )
+    outcome = summary(study, walks, network, baselines=found, wall_s=0.0)
+    assert json.loads(json.dumps(outcome, allow_nan=False)) == outcome
+    assert outcome["r2_heldout_ridge"] == {
+        "forward": 0.25, "lateral": 0.5, "yaw": -0.125, "com_height": None
+    }  # fmt: skip
+    assert outcome["r2_heldout_kriging"]["forward"] == 0.375
+    assert (outcome["survival_auc"], outcome["survival_auc_logistic"]) == (0.875, None)
+    line = baselines_line(outcome)
+    assert "ridge Z 0.25   X 0.50   R -0.12" in line
+    assert "kriging Z 0.38   X 0.62   R 0.00" in line
+    assert line.endswith("survival (AUC) network 0.88, logistic -")
+
+
+def test_a_study_without_a_network_has_no_baselines(study, walks):
+    outcome = summary(study, walks, None, wall_s=0.0)
+    assert outcome["r2_heldout_ridge"] == dict.fromkeys(outcome["r2_heldout"])
+    assert outcome["survival_auc"] is None
 
 
 def test_the_summary_of_a_study_without_a_feasible_walk_says_so(study, walks):

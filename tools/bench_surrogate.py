@@ -1,0 +1,172 @@
+r"""Learning curve of the network beside ridge, quadratic ridge, a Gaussian process and a forest.
+
+    python -m drake_gait.optimize --samples 2000 --simulations 2000 --seed 100 \
+        --set confirmation.walks=0 --out runs/lhs2000
+    python tools/bench_surrogate.py runs/lhs2000 --figure docs/images/learning_curve.png
+
+Of the walks of one or more studies with the same box (those of the design of experiments; with
+--all, every one) random subsets are drawn; every model predicts each walk from the folds of the
+network that do not hold it. It prints R² of Z, X and yaw of the survivors, the area under the curve
+of survival, and the processor time of fitting to all folds, each the median of the draws, and the
+smallest and largest R² of Z. The network classifies; the others regress survival as 0 or 1.
+"""
+
+import argparse
+import os
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from sklearn.ensemble import RandomForestRegressor
+from sklearn.preprocessing import PolynomialFeatures
+
+from drake_gait import surrogate
+from drake_gait.proposal import training_data
+from drake_gait.records import CONFIRMATIONS
+from drake_gait.settings import default_study, read_study
+from drake_gait.store import Study
+from drake_gait.surrogate_baselines import (
+    Model,
+    area_under_curve,
+    heldout,
+    kriging,
+    ridge,
+)
+
+COUNTS = (50, 100, 200, 400, 800, 1600, 2000)
+OUTPUTS = ("forward", "lateral", "yaw")
+COLUMNS = ("R² of Z", "R² of X", "R² of yaw", "AUC of survival", "time [s]")
+Array = NDArray[np.float64]
+Data = tuple[Array, Array, NDArray[np.bool_]]
+
+
+def read(folders: Sequence[Path], study: Path, *, every: bool) -> Data:
+    """Design vectors, outputs and survival of the studies' walks."""
+    space = read_study(study).space
+    walks = []
+    for folder in folders:
+        with Study.open(folder) as opened:
+            walks += [
+                walk
+                for walk in opened.walks()
+                if walk.id < CONFIRMATIONS and (every or walk.stage == "design")
+            ]
+    return training_data(walks, space, OUTPUTS)
+
+
+def quadratic_ridge(x: Array, outputs: Array, new: Array) -> Array:
+    """Ridge regression on all products of two coordinates."""
+    products = PolynomialFeatures(2, include_bias=False).fit(x)
+    return ridge(products.transform(x), outputs, products.transform(new))
+
+
+def forest(x: Array, outputs: Array, new: Array) -> Array:
+    """A random forest."""
+    trees = RandomForestRegressor(100, min_samples_leaf=3, max_features=0.5, random_state=0)
+    single = outputs.shape[1] == 1
+    predicted = trees.fit(x, outputs[:, 0] if single else outputs).predict(new)
+    return np.reshape(predicted, (len(new), -1))
+
+
+MODELS: dict[str, Callable[[Array, Array], Model]] = {
+    "ridge": lambda x, outputs: ridge,
+    "quadratic ridge": lambda x, outputs: quadratic_ridge,
+    "Gaussian process": kriging,
+    "random forest": lambda x, outputs: forest,
+}
+NAMES = ("network", *MODELS)
+
+
+def scores(name: str, data: Data) -> list[float]:
+    """R² of the three outputs, area under the curve, processor time of fitting to all folds [s]."""
+    x, outputs, survived = data
+    started = time.process_time()
+    if name == "network":
+        network = surrogate.fit(x, outputs, survived)
+        seconds, survival = time.process_time() - started, network.survival_heldout
+        r2 = network.r2_heldout
+    else:
+        model, seen, targets = MODELS[name], x[survived], outputs[survived]
+        folds = surrogate.folds_of(len(seen), 0)
+        r2 = surrogate.r_squared(targets, heldout(model(seen, targets), seen, targets, folds))
+        labels = survived[:, None].astype(float)
+        survival = heldout(model(x, labels), x, labels, surrogate.folds_of(len(x), 0))[:, 0]
+        seconds = time.process_time() - started
+    auc = None if survival is None else area_under_curve(survived, survival)
+    return [*map(float, r2), np.nan if auc is None else auc, seconds]
+
+
+def learning_curve(data: Data, counts: Sequence[int], draws: int) -> dict[tuple[int, str], Array]:
+    """Scores, shape (draws, columns), by number of walks and model."""
+    found = {}
+    for count in counts:
+        # All walks can be drawn in one way only.
+        subsets = [
+            np.random.default_rng([count, draw]).permutation(len(data[0]))[:count]
+            for draw in range(draws if count < len(data[0]) else 1)
+        ]
+        for name in NAMES:
+            rows = [scores(name, tuple(part[subset] for part in data)) for subset in subsets]
+            found[count, name] = np.array(rows)
+            print(_row(count, name, found[count, name]), flush=True)
+    return found
+
+
+def _row(count: int, name: str, rows: Array) -> str:
+    middle = np.median(rows, axis=0)
+    spread = f"{rows[:, 0].min():.2f} to {rows[:, 0].max():.2f}"
+    cells = [str(count), name, *(f"{value:.2f}" for value in middle), spread]
+    return f"| {' | '.join(cells)} |"
+
+
+def draw(found: dict[tuple[int, str], Array], path: Path) -> None:
+    """One panel for each score, a line for each model, a band from the lowest to the highest."""
+    figure = Figure(figsize=(10.0, 3.2), layout="constrained")
+    panels = figure.subplots(1, 4)
+    counts = sorted({count for count, _ in found})
+    for column, axes in enumerate(panels):
+        for name in NAMES:
+            rows = [found[count, name][:, column] for count in counts]
+            middle = [np.median(row) for row in rows]
+            (line,) = axes.plot(counts, middle, marker="o", markersize=3, label=name,
+                                linewidth=2.2 if name == "network" else 1.2)  # fmt: skip
+            if name == "network":
+                axes.fill_between(counts, [row.min() for row in rows], [row.max() for row in rows],
+                                  color=line.get_color(), alpha=0.15, linewidth=0)  # fmt: skip
+        axes.set(xscale="log", xlabel="walks simulated", title=COLUMNS[column])
+        axes.set_ylim((0.5, 1.0) if column == 3 else (-0.1, 1.0))
+        axes.set_xticks(counts, [str(count) for count in counts], minor=False, fontsize=7)
+        axes.minorticks_off()
+        axes.grid(alpha=0.3)
+    panels[0].legend(fontsize=7)
+    figure.savefig(path, dpi=150)
+
+
+def main() -> None:
+    """Run the command."""
+    about = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=about)
+    parser.add_argument("studies", nargs="+", type=Path, help="folders of studies, with study.db")
+    parser.add_argument("--study", type=Path, default=default_study(), help="the box: its TOML")
+    parser.add_argument("--all", action="store_true", help="walks of every stage, not the design's")
+    parser.add_argument("--draws", type=int, default=5, help="random subsets of each size (5)")
+    parser.add_argument("--counts", type=int, nargs="+", default=COUNTS, help="walks of a subset")
+    parser.add_argument("--figure", type=Path, help="where to draw the curves")
+    options = parser.parse_args()
+    data = read(options.studies, options.study, every=options.all)
+    counts = [count for count in options.counts if count <= len(data[0])]
+    print(f"{len(data[0])} walks, {int(data[2].sum())} survived; {options.draws} draws\n")
+    print(f"| walks | model | {' | '.join(COLUMNS)} | Z, range |")
+    print("|---|---|" + "---|" * (len(COLUMNS) + 1))
+    found = learning_curve(data, counts, options.draws)
+    if options.figure:
+        draw(found, options.figure)
+
+
+if __name__ == "__main__":
+    main()
