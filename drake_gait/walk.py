@@ -159,7 +159,7 @@ class Measures:
 
 _CAUSES = {
     "solver": ("solver", "the state is not finite"),
-    "worker died": ("its process died", "its process was stopped"),
+    "worker died": ("its process died", "its Dask workers died", "its process was stopped"),
     "time limit": ("took longer than", "gave no sign for"),
 }
 """How the reasons of walks that diverged begin, by cause."""
