@@ -5,8 +5,9 @@ same walks again, because every random number has an address (seed, purpose, ind
 is trained on the walks of earlier iterations only.
 """
 
+import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future
 from functools import partial
 
 from drake_gait.confirmation import confirm
@@ -36,18 +37,31 @@ def search(
     """
     runner = Runner(settings, study, evaluate, report)
     run = _Run(settings, runner)
-    with ThreadPoolExecutor(max_workers=1) as planner:
-        for iteration in range(run.iterations):
-            if run.is_complete(iteration):
-                continue
-            if run.has_converged(iteration):  # Step 6.
-                break
-            learning = planner.submit(run.learning(iteration))  # Step 3.
-            runner.finish()  # Meanwhile: what the iteration before still simulates.
-            proposal = run.propose(iteration, learning.result())  # Steps 1 and 4.
-            runner.start(run.planned(iteration, proposal))  # Steps 2 and 5.
-        runner.finish()
+    for iteration in range(run.iterations):
+        if run.is_complete(iteration):
+            continue
+        if run.has_converged(iteration):  # Step 6.
+            break
+        learning = _in_background(run.learning(iteration))  # Step 3.
+        runner.finish()  # Meanwhile: what the iteration before still simulates.
+        proposal = run.propose(iteration, learning.result())  # Steps 1 and 4.
+        runner.start(run.planned(iteration, proposal))  # Steps 2 and 5.
+    runner.finish()
     confirm(settings, runner, run.samples())
+
+
+def _in_background(function: Callable[[], Network | None]) -> "Future[Network | None]":
+    """What a function returns, from a thread that holds up no Ctrl-C: nobody waits for its end."""
+    promise: Future[Network | None] = Future()
+
+    def keep() -> None:
+        try:
+            promise.set_result(function())
+        except BaseException as error:
+            promise.set_exception(error)
+
+    threading.Thread(target=keep, daemon=True).start()
+    return promise
 
 
 class _Run:

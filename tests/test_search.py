@@ -1,12 +1,13 @@
 """The procedure, on walks that are computed instead of simulated."""
 
 import dataclasses
+import threading
 
 import numpy as np
 import pytest
 from conftest import Ground, Interruption, fall_at, numbers, planned, run, walk_at
 
-from drake_gait import surrogate
+from drake_gait import search, surrogate
 from drake_gait.problem import assess
 from drake_gait.ranking import best_walk, feasible_walks
 from drake_gait.store import Study
@@ -59,6 +60,26 @@ def test_an_interrupted_study_that_goes_on_is_the_same_walk_for_walk(quick, stud
     second = Ground(study.space)
     assert numbers(run(study, path, second)) == expected
     assert len(second.asked) == 55 - walks
+
+
+def test_an_interrupted_study_does_not_wait_for_a_network(quick, study, path, monkeypatch):
+    interrupted, learned = threading.Event(), threading.Event()
+
+    def learn():
+        interrupted.wait(60.0)
+        learned.set()
+
+    learning = search._Run.learning
+    monkeypatch.setattr(
+        search._Run,
+        "learning",
+        lambda self, iteration: learn if iteration == 2 else learning(self, iteration),
+    )
+    with pytest.raises(Interruption):
+        run(study, path, Ground(study.space, stop_after=42))
+    assert not learned.is_set()
+    interrupted.set()
+    assert learned.wait(60.0)
 
 
 def test_a_finished_study_simulates_nothing_more(quick, study, path):
