@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from drake_gait.errors import GaitError
-from drake_gait.interruption import exit_status, sigterm_interrupts
+from drake_gait.interruption import exit_status, leave, sigterm_interrupts
 from drake_gait.outputs import write_outputs
 from drake_gait.progress import display
 from drake_gait.records import CONFIRMATIONS
@@ -147,4 +147,4 @@ def _write_results(settings: StudySettings, study: Study, folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

@@ -21,7 +21,7 @@ from pathlib import Path
 from drake_gait import study_figures, sweep_figures
 from drake_gait.errors import GaitError, StudyError
 from drake_gait.foot_grid import run_grid
-from drake_gait.interruption import exit_status, sigterm_interrupts
+from drake_gait.interruption import exit_status, leave, sigterm_interrupts
 from drake_gait.study import is_finished
 from drake_gait.sweep_plan import PlannedStudy, Sweep, read_sweep
 from drake_gait.sweep_results import (
@@ -196,4 +196,4 @@ def _write_results(sweep: Sweep, out: Path) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

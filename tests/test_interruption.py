@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 
 import pytest
 
@@ -44,3 +46,22 @@ def test_sigterm_means_afterwards_what_it_meant_before():
     finally:
         signal.signal(signal.SIGTERM, before)
     assert heard == ["SIGTERM"]
+
+
+LEAVING = """
+import atexit, sys
+from drake_gait.interruption import leave
+
+atexit.register(print, "taken down")
+print("said", end="")
+leave(int(sys.argv[1]))
+"""
+
+
+@pytest.mark.parametrize(("status", "said"), [(0, "saidtaken down\n"), (2, "saidtaken down\n"),
+                                              (130, "said"), (143, "said")])  # fmt: skip
+def test_an_interrupted_command_leaves_at_once_with_all_it_said(status, said):
+    ended = subprocess.run(
+        [sys.executable, "-c", LEAVING, str(status)], check=False, stdout=subprocess.PIPE, text=True
+    )
+    assert (ended.returncode, ended.stdout) == (status, said)
