@@ -14,16 +14,16 @@ import numpy as np
 from drake_gait.problem import Trial
 from drake_gait.ranking import Sample
 from drake_gait.records import CONFIRMATIONS, StudyWalk
-from drake_gait.runner import Planned, Runner, perturbed
+from drake_gait.runner import Planned, Runner, on_other_ground, perturbed
 from drake_gait.settings import StudySettings
-from drake_gait.walk import Fidelity
+from drake_gait.walk import Fidelity, Measures, WalkSettings
 
 STAGE = "confirmation"
 REFERENCE = -1
 """Variation number of a walk at reference fidelity."""
 _IN_TURN = 4
 """Candidates that are walked again side by side: workers are to have enough to do."""
-_SLIPPING = 0.1
+SLIPPING = 0.1
 """A walk that slips by more than this part of its distance is a shuffle."""
 _LOOKED_AT = 12
 """Feasible walks, the best first, that are looked at for one that does not slip."""
@@ -63,7 +63,7 @@ class Finalist:
         """Whether it advances by sliding; None where that was not measured."""
         if self.measured is None or self.measured.walk.measures is None:
             return None
-        return max(self.measured.walk.measures.slip) > _SLIPPING * self.walk.walk.forward
+        return max(self.measured.walk.measures.slip) > SLIPPING * self.walk.walk.forward
 
     @property
     def _distances(self) -> list[float]:
@@ -102,6 +102,33 @@ def best_unslipping(settings: StudySettings, walks: Sequence[StudyWalk]) -> Stud
     found = [one for one in _looked_at(settings, walks) if one.slipping is False]
     ranked = sorted(found, key=lambda one: settings.assess(one.walk.walk).objective)
     return ranked[0].walk if ranked else None
+
+
+def walked_as(settings: StudySettings, walk: StudyWalk) -> WalkSettings:
+    """How any walk of a study was simulated, its ground and fidelity included."""
+    if walk.variation == REFERENCE:
+        return replace(settings.walk, fidelity=Fidelity.REFERENCE)
+    if walk.variation == 0:
+        return settings.walk
+    variation = walk.variation
+    if walk.stage == STAGE:
+        variation = _after_replicas(settings, variation)
+    return on_other_ground(settings.walk, settings, variation)
+
+
+def measured(walks: Sequence[StudyWalk]) -> dict[int, Measures]:
+    """Measures by a walk's id: its own, or those of the same walk again."""
+    found = {}
+    for walk in walks:
+        same = walk.nominal if walk.stage == STAGE and walk.variation == 0 else walk.id
+        if walk.walk.measures is not None and same is not None:
+            found[same] = walk.walk.measures
+    return found
+
+
+def _after_replicas(settings: StudySettings, variation: int) -> int:
+    """Other noise than that of the search's own replicas."""
+    return variation + settings.search.replicas - 1
 
 
 def _looked_at(settings: StudySettings, walks: Sequence[StudyWalk]) -> list[Finalist]:
@@ -180,7 +207,8 @@ class _Race:
         elif variation == 0:
             trial = replace(trial, settings=replace(trial.settings, measures=True))
         else:
-            trial = perturbed(trial, self._settings, nominal.id, self._plan_variation(variation))
+            other = _after_replicas(self._settings, variation)
+            trial = perturbed(trial, self._settings, nominal.id, other)
         return Planned(
             id=self._id(one, variation),
             stage=STAGE,
@@ -189,10 +217,6 @@ class _Race:
             nominal=nominal.id,
             variation=variation,
         )
-
-    def _plan_variation(self, variation: int) -> int:
-        """Other noise than that of the search's own replicas."""
-        return variation + self._settings.search.replicas - 1
 
     def _id(self, one: Sample, variation: int) -> int:
         """A walk's id, the same whatever else is confirmed: with room for every variation."""

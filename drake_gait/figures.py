@@ -83,6 +83,9 @@ def save_figure(figure: Figure, path: Path) -> None:
         SettingsError: no figure can be written in this format.
         GaitError: the file cannot be written.
     """
+    figure.dpi = PNG_RESOLUTION
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # Each format would lay the same figure out anew.
     for file in [path] if path.suffix else [path.with_suffix(ending) for ending in FORMATS]:
         try:
             figure.savefig(file, dpi=PNG_RESOLUTION, metadata=_NAMELESS.get(file.suffix))

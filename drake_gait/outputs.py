@@ -1,6 +1,7 @@
 """What a study leaves in its folder beside study.db: its report and all that is in it."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -8,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from drake_gait import study_figures, surrogate, walk_figures
-from drake_gait.confirmation import STAGE, winner
+from drake_gait.confirmation import STAGE, measured, winner
 from drake_gait.errors import StudyError
 from drake_gait.figures import save_picture
 from drake_gait.gait import FloatArray
@@ -25,7 +26,7 @@ from drake_gait.settings import StudySettings
 from drake_gait.simulation import simulate
 from drake_gait.surrogate import Surrogate
 from drake_gait.surrogate_baselines import Comparison, compare
-from drake_gait.walk import History, Walk
+from drake_gait.walk import History, Measures, Walk
 
 _ROOM = 0.17  # from one exposure of a portrait to the next [m]
 _MOST_EXPOSURES = 4
@@ -71,7 +72,7 @@ def write_outputs(
     except OSError as error:
         raise StudyError(f"cannot write {error.filename}: {error.strerror}") from None
     _draw_walk(settings, best, replayed, folder)
-    _draw_search(settings, searched, best, folder / FIGURES)
+    _draw_search(settings, searched, best, folder / FIGURES, measured(walks))
     if network is not None:
         _draw_network(settings, network, folder / FIGURES)
     run = Run(folder=folder, settings=settings, result=result, walks=walks)
@@ -118,9 +119,13 @@ def _apart(history: History) -> list[int]:
 
 
 def _draw_search(
-    settings: StudySettings, walks: list[StudyWalk], best: StudyWalk, folder: Path
+    settings: StudySettings,
+    walks: list[StudyWalk],
+    best: StudyWalk,
+    folder: Path,
+    found: Mapping[int, Measures],
 ) -> None:
-    """Figures of all walks."""
+    """Figures of all walks; the measures of those that have some, by their ids."""
     study_figures.convergence(
         [1e3 * walk.walk.forward if walk.walk.survived else np.nan for walk in walks],
         [settings.assess(walk.walk).feasible for walk in walks],
@@ -140,9 +145,8 @@ def _draw_search(
         settings.space.names,
         folder / "coordinates",
     )
-    costs = [walk.walk.measures.cost_of_transport if walk.walk.measures else np.nan
-             for walk in survivors]  # fmt: skip
-    if np.isfinite(costs).any():  # Studies of before had no measures.
+    costs = [found[walk.id].cost_of_transport if walk.id in found else np.nan for walk in survivors]
+    if np.isfinite(costs).any():  # A study that wants distance measures its best walks only.
         study_figures.pareto(forward, costs, feasible, folder / "pareto")
 
 

@@ -13,7 +13,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from drake_gait.confirmation import REFERENCE, winner
+from drake_gait.confirmation import walked_as, winner
 from drake_gait.errors import GaitError, StudyError
 from drake_gait.live import Screen
 from drake_gait.provenance import file_sha256
@@ -26,7 +26,7 @@ from drake_gait.scene import start_meshcat
 from drake_gait.settings import StudySettings, study_settings
 from drake_gait.simulation import simulate
 from drake_gait.store import Study
-from drake_gait.walk import Fidelity, Walk
+from drake_gait.walk import Walk, WalkSettings
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -98,8 +98,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _replay(folder: Path, number: int | None, out: Path) -> None:
-    settings, chosen = _choose(folder, number)
-    walk = simulate(chosen.candidate, settings.walk, history=True)
+    settings, chosen, as_then = choose(folder, number)
+    walk = simulate(chosen.candidate, as_then, history=True)
     caption = f"{settings.name}, walk {chosen.id}: {in_words(walk)}"
     record(walk, chosen.candidate, out, model=settings.walk.model, caption=caption)
     print(f"{out}: {caption}")
@@ -109,13 +109,14 @@ def _replay(folder: Path, number: int | None, out: Path) -> None:
 def _show_side_by_side(options: Options, out: Path) -> None:
     exhibits = []
     for folder in [options.folder, *(options.gallery or [])]:
-        settings, chosen = _choose(folder, options.walk if folder == options.folder else None)
+        number = options.walk if folder == options.folder else None
+        settings, chosen, as_then = choose(folder, number)
         candidates = {"": chosen.candidate}
         if options.rigid_toes:
             stiff = dataclasses.replace(chosen.candidate.foot, rigid_toes=True)
             candidates[", rigid toes"] = dataclasses.replace(chosen.candidate, foot=stiff)
         for words, candidate in candidates.items():
-            walk = simulate(candidate, settings.walk, history=True)
+            walk = simulate(candidate, as_then, history=True)
             if not words:
                 _warn_of_difference(folder, walk, chosen)
             label = f"{folder.resolve().name}, walk {chosen.id}{words}: {_ending(walk)}"
@@ -128,20 +129,24 @@ def _show_side_by_side(options: Options, out: Path) -> None:
 
 
 def _watch(folder: Path, number: int | None, port: int | None) -> None:
-    settings, chosen = _choose(folder, number)
+    settings, chosen, as_then = choose(folder, number)
     meshcat = start_meshcat(port)
     screen = Screen(meshcat, settings.walk.model, chosen.candidate.foot)
     print(f"open {meshcat.web_url()} to watch; Ctrl-C ends it", flush=True)
     while meshcat.GetNumActiveConnections() == 0:
         time.sleep(0.1)
-    walk = simulate(chosen.candidate, settings.walk, watch=screen.show)
+    walk = simulate(chosen.candidate, as_then, watch=screen.show)
     print(f"{settings.name}, walk {chosen.id}: {in_words(walk)}", flush=True)
     while meshcat.GetNumActiveConnections() > 0:  # until its last reader has gone
         time.sleep(0.1)
 
 
-def _choose(folder: Path, number: int | None) -> tuple[StudySettings, StudyWalk]:
-    """A study's settings, as this walk was simulated, and one of its walks."""
+def choose(folder: Path, number: int | None) -> tuple[StudySettings, StudyWalk, WalkSettings]:
+    """A study's settings, one of its walks (the winner if None), and how that was simulated.
+
+    Raises:
+        StudyError: there is no such study or walk, or another robot walked it.
+    """
     with Study.open(folder / "study.db") as study:
         settings = study_settings(study.description()["settings"])
         study.require({"model_sha256": file_sha256(model_path(settings.walk.model))})
@@ -149,14 +154,11 @@ def _choose(folder: Path, number: int | None) -> tuple[StudySettings, StudyWalk]
     if not walks:
         raise StudyError(f"{folder} has no walks yet")
     if number is None:
-        robust = winner(settings, walks)
-        chosen = robust.walk if robust else best_walk(walks, settings.constraints)
+        robust, objective = winner(settings, walks), settings.search.objective
+        chosen = robust.walk if robust else best_walk(walks, settings.constraints, objective)
     else:
         chosen = _find(walks, number)
-    if chosen.variation == REFERENCE:
-        finer = dataclasses.replace(settings.walk, fidelity=Fidelity.REFERENCE)
-        settings = dataclasses.replace(settings, walk=finer)
-    return settings, chosen
+    return settings, chosen, walked_as(settings, chosen)
 
 
 def _warn_of_difference(folder: Path, walk: Walk, chosen: StudyWalk) -> None:

@@ -8,6 +8,7 @@ import gzip
 import json
 import math
 import re
+import shlex
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,12 +20,13 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from drake_gait import report_tables
+from drake_gait.confirmation import SLIPPING
 from drake_gait.errors import GaitError, StudyError
 from drake_gait.gait import FRAMES
 from drake_gait.records import StudyWalk
 from drake_gait.report_tables import number
 from drake_gait.result import PAPER_TABLE
-from drake_gait.settings import StudySettings, default_study, read_study
+from drake_gait.settings import StudySettings, default_study, overrides, read_study
 
 FIGURES = "figures"
 """Folder of the figures, in a study's folder."""
@@ -64,7 +66,6 @@ def write_study_page(run: Run, path: Path) -> None:
     """
     result, limits = run.result, run.settings.constraints
     measures = result.get("measures")
-    best = next((walk for walk in run.walks if walk.id == result["walk"]), None)
     page = _environment().get_template("report.html").render(
         run=run,
         result=result,
@@ -72,17 +73,23 @@ def write_study_page(run: Run, path: Path) -> None:
         paper_best=number(PAPER_TABLE[-1][1], 2),
         frames=FRAMES,
         ratio=number(result["forward_mm"] / PAPER_TABLE[-1][1], 1),
-        predicted=best.predicted if best else None,
+        degrees=math.degrees(1.0),
+        shuffles=bool(measures) and 1e3 * max(measures["slip"]) > SLIPPING * result["forward_mm"],
         limits={
             "lateral": number(1e3 * limits.lateral, 0),
             "yaw": number(math.degrees(limits.yaw), 0),
             "com_height": number(1e3 * limits.com_height, 2),
         },
+        unslipping=next(
+            (walk for walk in run.walks if walk.id == result.get("best_unslipping")), None
+        ),
         finalists=report_tables.finalists(result),
         tables={
             "paper": report_tables.beside_the_paper(run.walks, limits),
             "coefficients": report_tables.coefficients(result["coefficients_deg"]),
             "foot": report_tables.foot(result["foot"]),
+            "dropped": report_tables.finalists(result, dropped=True),
+            "finalists_manner": report_tables.manner_of_finalists(result),
             "manner": report_tables.manner(measures) if measures else None,
             "stages": report_tables.stages(run.walks, limits),
             "failures": report_tables.failures(run.walks),
@@ -127,13 +134,16 @@ def write_comparison_page(runs: Sequence[Run], path: Path) -> None:
 
 def command(run: Run) -> str:
     """The command that makes the same study again."""
-    settings = run.settings
-    standard = read_study(default_study()).name
-    study = "" if settings.name == standard else f" studies/{settings.name}.toml"
+    settings, file = run.settings, default_study().with_name(f"{run.settings.name}.toml")
+    study = "" if file == default_study() else f" {shlex.quote(f'studies/{file.name}')}"
+    changed = overrides(settings, read_study(file)) if file.is_file() else {}
+    for short in ("study.seed", "search.samples", "search.simulations"):
+        changed.pop(short, None)
+    others = "".join(f" --set {shlex.quote(f'{key}={text}')}" for key, text in changed.items())
     return (
         f"python -m drake_gait.optimize{study} --seed {settings.seed} "
-        f"--samples {settings.search.samples} --simulations {settings.search.simulations} "
-        f"--out runs/{run.name}"
+        f"--samples {settings.search.samples} --simulations {settings.search.simulations}{others} "
+        f"--out {shlex.quote(f'runs/{run.name}')}"
     )
 
 

@@ -83,9 +83,17 @@ def _paper_s_numbers(lateral: float, forward: float, yaw: float, steps: int) -> 
     return [number(lateral, 2), number(forward, 2), number(yaw, 2), str(steps)]
 
 
-def finalists(result: Mapping[str, Any]) -> Table | None:
-    """How the finalists walked again, perturbed and at reference fidelity; None without any."""
-    found = result.get("finalists") or []
+def finalists(result: Mapping[str, Any], *, dropped: bool = False) -> Table | None:
+    """How the finalists walked again, perturbed and at reference fidelity; None without any.
+
+    Those that were walked in full, or those that were not.
+    """
+    winner = result.get("winner")
+    found = [
+        entry
+        for entry in result.get("finalists") or []
+        if (entry["reference"] is None and entry["walk"] != winner) == dropped
+    ]
     if not found:
         return None
     rows = []
@@ -102,11 +110,39 @@ def finalists(result: Mapping[str, Any]) -> Table | None:
             "–" if finer.get("feasible") is None else "yes" if finer["feasible"] else "no",
         ])  # fmt: skip
     walks = [entry["walk"] for entry in found]
-    winner = result.get("winner")
+    title = "The finalists, walked again"
+    if dropped:
+        title = "Dropped when too few were feasible, or all walks were used"
     return Table(
-        caption="The finalists, walked again with noise on every coefficient, and finer",
+        caption=f"{title}: with noise on every coefficient and other friction, and finer",
         columns=["walk", "Z alone [mm]", "median Z [mm]", "worst Z [mm]", "on its feet", "feasible",
                  "finer: it", "Z [mm]", "X [mm]", "R [deg]", "feasible there"],
+        rows=rows,
+        marked=walks.index(winner) if winner in walks else None,
+    )  # fmt: skip
+
+
+def manner_of_finalists(result: Mapping[str, Any]) -> Table | None:
+    """How the finalists walk, alone; None where that was not measured."""
+    found = [entry for entry in result.get("finalists") or [] if entry.get("measures")]
+    if not found:
+        return None
+    rows = []
+    for entry in found:
+        measures = entry["measures"]
+        rows.append([
+            str(entry["walk"]), number(entry["forward_mm"], 1),
+            *(number(1e3 * value, 0) for value in measures["slip"]),
+            number(float(np.degrees(measures["yaw_swing"])), 0),
+            number(float(np.degrees(measures["torso_tilt"])), 0),
+            number(measures["cost_of_transport"], 2),
+        ])  # fmt: skip
+    walks = [entry["walk"] for entry in found]
+    winner = result.get("winner")
+    return Table(
+        caption="How the finalists walk: far may be slid, and swung",
+        columns=["walk", "Z alone [mm]", "right sole slips [mm]", "left [mm]",
+                 "heading swings [deg]", "torso leans [deg]", "cost of transport"],
         rows=rows,
         marked=walks.index(winner) if winner in walks else None,
     )  # fmt: skip
@@ -261,6 +297,15 @@ def side_by_side(names: Sequence[str], results: Sequence[Mapping[str, Any]]) -> 
         values = [_of_winner(result, key) for result in results]
         if any(value is not None for value in values):
             rows.append([label, *(number(value, 1) for value in values)])
+    for label, key, factor, digits in (
+        ("slip of the sole that slips more [mm]", "slip", 1e3, 0),
+        ("range of the torso's heading [deg]", "yaw_swing", np.degrees(1.0), 0),
+        ("largest lean of the torso [deg]", "torso_tilt", np.degrees(1.0), 0),
+        ("cost of transport", "cost_of_transport", 1.0, 2),
+    ):
+        measured = [(result.get("measures") or {}).get(key) for result in results]
+        rows.append([label, *(number(None if one is None else factor * float(np.max(one)), digits)
+                              for one in measured)])  # fmt: skip
     return Table(caption="The studies side by side", columns=["", *names], rows=rows)
 
 

@@ -194,6 +194,7 @@ def manner_in_words(measures: Measures) -> str:
         f"clearance {clearance[0]:.1f} / {clearance[1]:.1f} mm, "
         f"duty {measures.duty_factor[0]:.2f} / {measures.duty_factor[1]:.2f}, "
         f"yaw swing {np.degrees(measures.yaw_swing):.0f} degrees, "
+        f"torso tilt {np.degrees(measures.torso_tilt):.0f} degrees, "
         f"peak torque {measures.peak_torque:.2f} N·m, "
         f"cost of transport {measures.cost_of_transport:.2f}"
     )

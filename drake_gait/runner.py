@@ -11,6 +11,7 @@ from drake_gait.records import CONFIRMATIONS, StudyWalk
 from drake_gait.settings import StudySettings
 from drake_gait.store import Study
 from drake_gait.surrogate import Surrogate
+from drake_gait.walk import WalkSettings
 from drake_gait.workers import Finished
 
 Evaluate = Callable[[Sequence[Trial]], Iterable[Finished]]
@@ -153,8 +154,14 @@ def perturbed(trial: Trial, settings: StudySettings, nominal: int, variation: in
     rng = np.random.default_rng([settings.seed, _NOISE, nominal, variation])
     gait = trial.candidate.gait
     noisy = gait.coefficients + plan.noise * rng.standard_normal(gait.coefficients.shape)
-    friction = 1.0 - plan.friction if variation % 2 else 1.0 + plan.friction
     return Trial(
         candidate=replace(trial.candidate, gait=replace(gait, coefficients=noisy)),
-        settings=replace(trial.settings, friction=friction * trial.settings.friction),
+        settings=on_other_ground(trial.settings, settings, variation),
     )
+
+
+def on_other_ground(walk: WalkSettings, settings: StudySettings, variation: int) -> WalkSettings:
+    """How a variation is simulated, from 1: odd ones on more slippery ground, even ones on less."""
+    change = settings.confirmation.friction
+    factor = 1.0 - change if variation % 2 else 1.0 + change
+    return replace(walk, friction=factor * walk.friction)

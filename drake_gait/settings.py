@@ -72,6 +72,19 @@ _FOOT = {
     "big_toe_width_mm": ("big_toe_width", _MM),
     "toe_length_mm": ("toe_length", _MM),
 }
+# Name in a description -> name in the file, and its unit in SI.
+_IN_FILE = {
+    f"{section}.{name}": (f"{section}.{key}", unit)
+    for section, table in (
+        ("servo", _SERVO), ("constraints", _CONSTRAINTS), ("foot", _FOOT), ("design", _FOOT)
+    )
+    for key, (name, unit) in table.items()
+} | {
+    "box.centre": ("box.centre_deg", _DEGREE),
+    "box.half_width": ("box.half_width_deg", _DEGREE),
+    "confirmation.noise": ("confirmation.noise_deg", _DEGREE),
+    "walk.time_limit": ("walk.time_limit_s", 1.0),
+}  # fmt: skip
 _KEYS = {
     "study": ("name", "question", "seed"),
     "search": tuple(field.name for field in fields(SearchSettings)),
@@ -247,6 +260,23 @@ def read_override(text: str) -> tuple[tuple[str, str], Any]:
         return (section, key), value
     # A line break would let a value set more than its own key.
     return (section, key), found["value"] if len(found) == 1 else value
+
+
+def overrides(settings: StudySettings, standard: StudySettings) -> dict[str, str]:
+    """What makes a study of another one: values as TOML, by section.key, see `read_override`."""
+    before, found = standard.description(), {}
+    for name, value in settings.description().items():
+        if value is not None and value != before.get(name):
+            key, unit = _IN_FILE.get(name, (name, None))
+            found[key] = _as_toml(value, unit)
+    return found
+
+
+def _as_toml(value: Any, unit: float | None) -> str:
+    if isinstance(value, list):
+        return f"[{', '.join(_as_toml(item, unit) for item in value)}]"
+    # Twelve digits give back what somebody has written, and not what rounding made of it.
+    return json.dumps(value) if unit is None else f"{value / unit:.12g}"
 
 
 def _study(content: Mapping[str, Any]) -> StudySettings:

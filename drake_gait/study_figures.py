@@ -126,7 +126,9 @@ def predicted_against_simulated(
             axes.set_ylabel(f"predicted [{unit}]")
             axes.text(0.04, 0.96, f"R² training {r2_train[output]:.2f}\n"
                       f"R² held out {r2_heldout[output]:.2f}", transform=axes.transAxes,
-                      va="top", fontsize=7.0)  # fmt: skip
+                      va="top", fontsize=7.0,
+                      bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0.0,
+                            "pad": 1.0})  # fmt: skip
         figure.legend(loc="outside lower center", ncols=2, markerscale=1.6)
         save_figure(figure, path)
 

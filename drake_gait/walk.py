@@ -72,7 +72,7 @@ class WalkSettings:
     measures: bool = False
     """Whether to sum up what a walk costs and how it is walked; it triples the time."""
     time_limit: float = 60.0
-    """Wall-clock time after which a walk is given up as diverged [s]."""
+    """Computing time after which a walk is given up as diverged [s]."""
 
     def __post_init__(self) -> None:
         if not self.time_limit > 0.0:

@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 from conftest import Interruption, numbers, walk_at
 
-from drake_gait.confirmation import REFERENCE, STAGE, best_unslipping, confirm, finalists, winner
+from drake_gait.confirmation import (
+    REFERENCE,
+    STAGE,
+    best_unslipping,
+    confirm,
+    finalists,
+    measured,
+    walked_as,
+    winner,
+)
 from drake_gait.plan import ConfirmationSettings
 from drake_gait.problem import Trial
 from drake_gait.ranking import sample
@@ -71,6 +80,28 @@ class Track:
 
 def candidate(settings, number):
     return settings.space.decode(np.random.default_rng(number).uniform(-1.0, 1.0, 16))
+
+
+def confirmed_alone(settings, entry):
+    """A confirmation of one candidate: the trials that it asks for, and the walks that it keeps."""
+    asked, kept = [], []
+
+    def evaluate(trials):
+        asked.extend(trials)
+        for index in range(len(trials)):
+            yield Finished(index=index, walk=STEADY, seconds=0.0)
+
+    class Kept:
+        def walks(self):
+            return []
+
+        def add(self, walk):
+            kept.append(walk)
+
+    runner = Runner(settings, Kept(), evaluate, lambda progress: None)
+    first = dataclasses.replace(entry, id=0, walk=STEADY)
+    confirm(settings, runner, [sample(0, [first] * settings.search.replicas, settings)])
+    return asked, kept
 
 
 @pytest.fixture
@@ -241,28 +272,37 @@ def test_variations_differ_from_the_replicas_of_the_search(raced, entry):
     settings = dataclasses.replace(raced, search=search)
     nominal = Trial(candidate=entry.candidate, settings=settings.walk)
     own = {perturbed(nominal, settings, 0, variation) for variation in (1, 2)}
-    asked = []
-
-    def evaluate(trials):
-        asked.extend(trials)
-        for index in range(len(trials)):
-            yield Finished(index=index, walk=STEADY, seconds=0.0)
-
-    class Kept:
-        def __init__(self):
-            self.kept = []
-
-        def walks(self):
-            return []
-
-        def add(self, walk):
-            self.kept.append(walk)
-
-    runner = Runner(settings, Kept(), evaluate, lambda progress: None)
-    first = dataclasses.replace(entry, id=0, walk=STEADY)
-    confirm(settings, runner, [sample(0, [first] * 3, settings)])
+    asked, _ = confirmed_alone(settings, entry)
     assert len(set(asked)) == len(asked) == 10  # Eight variations, a reference, measures.
     assert not own & set(asked)
+
+
+@pytest.mark.parametrize("replicas", [1, 2, 3])
+def test_how_a_walk_was_simulated_is_known_from_the_study(raced, entry, replicas):
+    # One replica more changes which variations are the slippery ones.
+    search = dataclasses.replace(raced.search, samples=6, simulations=6, replicas=replicas)
+    settings = dataclasses.replace(raced, search=search)
+    asked, walks = confirmed_alone(settings, entry)
+    assert {walk.variation for walk in walks} == {REFERENCE, *range(9)}
+    for trial, walk in zip(asked, walks, strict=True):
+        assert walked_as(settings, walk) == dataclasses.replace(trial.settings, measures=False)
+    nominal = Trial(candidate=entry.candidate, settings=settings.walk)
+    replica = dataclasses.replace(entry, nominal=0, variation=1)
+    assert walked_as(settings, replica) == perturbed(nominal, settings, 0, 1).settings
+
+
+def test_measures_are_a_walk_s_own_or_those_of_the_same_walk_again(entry, measures):
+    full = dataclasses.replace(entry.walk, measures=measures)
+    again = dataclasses.replace(entry, id=7, walk=full, stage=STAGE, nominal=0)
+    perturbed_one = dataclasses.replace(again, id=8, variation=1)
+    own = dataclasses.replace(entry, id=3, walk=full)
+    bare = dataclasses.replace(entry, id=4)
+    found = measured([entry, own, bare, again, perturbed_one])
+    assert {number: found.get(number) for number in (0, 3, 4)} == {
+        0: measures,
+        3: measures,
+        4: None,
+    }
 
 
 def test_the_best_walk_that_does_not_slip_is_the_furthest_of_those_measured(raced, path, measures):

@@ -20,6 +20,7 @@ from drake_gait.report_page import (
     write_study_page,
 )
 from drake_gait.result import summary
+from drake_gait.settings import read_study
 
 
 class Outline(HTMLParser):
@@ -110,6 +111,31 @@ def test_the_winner_is_what_holds_when_it_is_walked_again(run):
     page = written(dataclasses.replace(run, result={**again, "winner": None}))
     assert "No finalist is feasible often enough" in page
     assert '<span class="tag">' not in page
+
+
+def test_a_shuffle_is_called_one_beside_the_best_walk_that_does_not_slide(run, measures):
+    slid = dataclasses.asdict(dataclasses.replace(measures, slip=(0.003, 0.0134)))
+    numbers = {"forward_mm": 133.3, "median_mm": 120.5, "worst_mm": 80.0}
+    finalist = {"walk": 0, **numbers, "survived": 8, "feasible": 7, "of": 8, "reference": None,
+                "measures": slid}  # fmt: skip
+    of_it = {**run.result, "measures": slid, "finalists": [finalist], "best_unslipping": None}
+    page = " ".join(written(dataclasses.replace(run, result=of_it)).split())
+    assert "3/13 <small>mm</small>" in page
+    assert "It slides" in page
+    assert "So do all others that were measured." in page
+    page = " ".join(
+        written(dataclasses.replace(run, result={**of_it, "best_unslipping": 0})).split()
+    )
+    assert "walk 0 with <strong>133.3 mm</strong>" in page
+    steps = {**of_it, "measures": dataclasses.asdict(measures)}
+    assert "It slides" not in written(dataclasses.replace(run, result=steps))
+
+
+def test_the_command_of_a_study_on_file_says_what_was_set_otherwise(run, paper_study):
+    settings = read_study(paper_study, {("confirmation", "walks"): 24})
+    assert " --set confirmation.walks=24 --out " in command(
+        dataclasses.replace(run, settings=settings)
+    )
 
 
 def test_the_command_makes_the_same_study_again(run):

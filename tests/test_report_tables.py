@@ -62,17 +62,31 @@ def test_the_paper_s_best_stands_beside_ours(entry):
 
 
 def test_finalists_are_listed_and_the_winner_is_marked():
-    others = {**FINALIST, "walk": 3, "reference": None}
-    table = report_tables.finalists({"finalists": [others, FINALIST], "winner": 7})
+    others = {**FINALIST, "walk": 3, "feasible": 5}
+    early = {**FINALIST, "walk": 4, "of": 2, "survived": 2, "feasible": 0, "reference": None}
+    result = {"finalists": [others, FINALIST, early], "winner": 7}
+    table = report_tables.finalists(result)
+    assert [row[0] for row in table.rows] == ["3", "7"]
     assert table.marked == 1
     assert list(table.rows[1]) == ["7", "300.0", "290.0", "0.0", "8 of 8", "7 of 8", "walked",
                                    "288.0", "3.0", "−2.0", "yes"]  # fmt: skip
-    assert list(table.rows[0][6:]) == ["–"] * 5
+    dropped = report_tables.finalists(result, dropped=True)
+    assert [row[0] for row in dropped.rows] == ["4"]
+    assert dropped.marked is None
+    assert list(dropped.rows[0][4:]) == ["2 of 2", "0 of 2", *["–"] * 5]
 
 
 def test_without_a_winner_none_is_marked_and_without_finalists_there_is_no_table():
     assert report_tables.finalists({"finalists": [FINALIST], "winner": None}).marked is None
     assert report_tables.finalists({}) is None
+
+
+def test_beside_the_finalists_stands_how_far_they_slide_and_swing(measures):
+    entries = [FINALIST, {**FINALIST, "walk": 9, "measures": dataclasses.asdict(measures)}]
+    table = report_tables.manner_of_finalists({"finalists": entries, "winner": 9})
+    assert [list(row) for row in table.rows] == [["9", "300.0", "3", "4", "18", "9", "1.43"]]
+    assert table.marked == 0
+    assert report_tables.manner_of_finalists({"finalists": [FINALIST], "winner": 7}) is None
 
 
 def test_the_foot_is_told_in_the_paper_s_units():

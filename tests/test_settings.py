@@ -9,7 +9,7 @@ from conftest import MINIMAL
 
 from drake_gait.errors import SettingsError
 from drake_gait.plan import SearchSettings
-from drake_gait.settings import read_override, read_study, study_settings
+from drake_gait.settings import overrides, read_override, read_study, study_settings
 from drake_gait.walk import Fidelity
 
 EVERY_KEY = """
@@ -384,3 +384,14 @@ def test_a_study_that_does_not_exist_is_told_with_its_path(tmp_path):
         read_study(tmp_path / "nowhere.toml")
     with pytest.raises(SettingsError, match="cannot read study"):
         read_study(tmp_path)
+
+
+def test_what_is_told_to_be_set_makes_the_same_study_of_another_one(read):
+    wanted, standard = read(EVERY_KEY), read(MINIMAL)
+    told = dict(
+        read_override(f"{key}={value}") for key, value in overrides(wanted, standard).items()
+    )
+    assert told["constraints", "lateral_mm"] == 15
+    assert told["design", "big_toe_width_mm"] == [10, 40]
+    assert read(MINIMAL, told).description() == wanted.description()
+    assert overrides(wanted, wanted) == {}

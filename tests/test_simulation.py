@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -126,6 +127,15 @@ def test_a_walk_without_end_is_given_up_at_its_time_limit() -> None:
     walk = simulate(WALKING, WalkSettings(time_limit=1e-9))
     assert walk.outcome is Outcome.DIVERGED
     assert "longer than" in walk.reason
+
+
+@pytest.mark.slow
+def test_time_that_a_walk_waits_for_others_does_not_count() -> None:
+    waits = iter([3.0])
+    walk = simulate(
+        WALKING, WalkSettings(time_limit=2.5), watch=lambda *_: time.sleep(next(waits, 0.0))
+    )
+    assert walk.survived
 
 
 @pytest.mark.parametrize("failure", [RuntimeError("no convergence"), SystemExit("Failure at icf")])

@@ -1,8 +1,10 @@
-"""Make docs/images/walk.png and walk.webp: `python tools/make_readme_picture.py [RESULT]`.
+"""Make the pictures of the README, in docs/images: `python tools/make_readme_picture.py [RUN]`.
 
-The robot at five instants of the second cycle, with the gait's phases named as in the paper's
-Fig. 12, and the whole walk in motion. Simulates the walk, opens its recording in Chromium and has
-Meshcat draw it. Nothing here is imported by the package.
+Of a study's winner: walk.webp, the whole walk in motion, and walk.png, the robot at five instants
+of the second cycle with the gait's phases named as in the paper's Fig. 12. The walk is simulated,
+its recording is opened in Chromium, and Meshcat draws it. Further the study's own postures.png,
+paths.png and network.png, in fewer bytes. Without a study, walk.webp and walk.png of a gait that
+walks. Nothing here is imported by the package.
 """
 
 import argparse
@@ -12,6 +14,7 @@ import json
 import re
 import shutil
 import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
@@ -21,13 +24,15 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
+from drake_gait.errors import GaitError
 from drake_gait.figures import GAIT_PHASES, STYLE
-from drake_gait.foot import FootDesign
 from drake_gait.gait import FRAME_TIME, Gait
 from drake_gait.problem import Candidate
 from drake_gait.recording import record
+from drake_gait.replay import choose
+from drake_gait.report_page import FIGURES
 from drake_gait.simulation import simulate
-from drake_gait.walk import History
+from drake_gait.walk import History, WalkSettings
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
 
@@ -64,14 +69,35 @@ SHOOT = """
 """
 
 
-def read_candidate(result: Path | None) -> Candidate:
-    """The walk of a run folder's result.json, or the default."""
-    if result is None:
-        return Candidate(gait=Gait.from_degrees(COEFFICIENTS))
-    values = json.loads(result.read_text(encoding="utf-8"))
-    return Candidate(
-        gait=Gait.from_degrees(values["coefficients_deg"]), foot=FootDesign(**values["foot"])
-    )
+OF_THE_STUDY = ("postures", "paths", "network")
+
+
+def read_candidate(folder: Path | None) -> tuple[Candidate, WalkSettings]:
+    """A study's winner and how it was simulated, or the default."""
+    if folder is None:
+        return Candidate(gait=Gait.from_degrees(COEFFICIENTS)), WalkSettings()
+    _, chosen, as_then = choose(folder, None)
+    return chosen.candidate, as_then
+
+
+def few_colours(picture: Image.Image) -> Image.Image:
+    """A palette is a third of the size; an octree keeps the few saturated pixels of the toes."""
+    return picture.convert("RGB").quantize(256, method=Image.Quantize.FASTOCTREE)
+
+
+def save_figures(folder: Path, out: Path) -> None:
+    """The study's own figures."""
+    for name in OF_THE_STUDY:
+        path = folder / FIGURES / f"{name}.png"
+        if not path.is_file():
+            raise SystemExit(f"there is no {path}; `python -m drake_gait.report {folder}` draws it")
+        few_colours(Image.open(path)).save(out / path.name, optimize=True)
+        tell(out / path.name)
+
+
+def tell(path: Path) -> None:
+    """Say what was written."""
+    print(f"wrote {path} ({path.stat().st_size / 1e3:.0f} kB)", flush=True)
 
 
 def browser() -> str:
@@ -145,9 +171,7 @@ def save_strip(page: str, history: History, path: Path) -> None:
                       ha="center", va="top")  # fmt: skip
         buffer = io.BytesIO()
         figure.savefig(buffer, dpi=200)
-    strip = Image.open(buffer).convert("RGB")
-    # A palette is a third of the size; an octree keeps the few saturated pixels of the toes.
-    strip.quantize(256, method=Image.Quantize.FASTOCTREE).save(path, optimize=True)
+    few_colours(Image.open(buffer)).save(path, optimize=True)
 
 
 def save_film(page: str, history: History, path: Path) -> None:
@@ -162,25 +186,29 @@ def save_film(page: str, history: History, path: Path) -> None:
 
 
 def main() -> None:
-    """Write both pictures."""
+    """Write the pictures."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("result", type=Path, nargs="?", help="a run's result.json")
+    parser.add_argument("folder", type=Path, nargs="?", metavar="RUN", help="a study's folder")
     parser.add_argument("--out", type=Path, default=IMAGES, help="folder (default: docs/images/)")
     arguments = parser.parse_args()
-    candidate = read_candidate(arguments.result)
-    walk = simulate(candidate, history=True)
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    if arguments.folder is not None:
+        save_figures(arguments.folder, arguments.out)
+    candidate, settings = read_candidate(arguments.folder)
+    walk = simulate(candidate, settings, history=True)
     if walk.history is None or not walk.survived:
         raise SystemExit(f"this walk is no picture for a README: {walk.reason}")
     with tempfile.TemporaryDirectory() as folder:
         recording = Path(folder) / "walk.html"
-        record(walk, candidate, recording)
+        record(walk, candidate, recording, model=settings.model)
         page = recording.read_text(encoding="utf-8")
-    arguments.out.mkdir(parents=True, exist_ok=True)
     for name, save in (("walk.png", save_strip), ("walk.webp", save_film)):
-        path = arguments.out / name
-        save(page, walk.history, path)
-        print(f"wrote {path} ({path.stat().st_size / 1e3:.0f} kB)")
+        save(page, walk.history, arguments.out / name)
+        tell(arguments.out / name)
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except GaitError as error:
+        sys.exit(f"error: {error}")
