@@ -282,11 +282,13 @@ def side_by_side(names: Sequence[str], results: Sequence[Mapping[str, Any]]) -> 
         ("X, lateral [mm]", "lateral_mm", 1), ("R, turn [deg]", "yaw_deg", 2),
         ("Y, height of the centre of mass [mm]", "com_height_mm", 2), ("N, frames", "steps", 0),
         ("walks", "simulations", 0), ("on their feet", "survivors", 0),
-        ("feasible", "feasible_count", 0), ("time [s]", "wall_s", 0),
+        ("feasible walks", "feasible_count", 0), ("time [s]", "wall_s", 0),
     )  # fmt: skip
     rows = [[label, *(number(result[key], digits) for result in results)]
             for label, key, digits in lines]  # fmt: skip
-    rows.insert(2, ["feasible", *("yes" if result["feasible"] else "no" for result in results)])
+    rows.insert(
+        2, ["best walk is feasible", *("yes" if result["feasible"] else "no" for result in results)]
+    )
     rows += [
         [f"held-out R² of {OUTPUT_NAMES[output]}",
          *(number(result["r2_heldout"].get(output), 2) for result in results)]
