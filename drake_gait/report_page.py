@@ -74,7 +74,8 @@ def write_study_page(run: Run, path: Path) -> None:
         frames=FRAMES,
         ratio=number(result["forward_mm"] / PAPER_TABLE[-1][1], 1),
         degrees=math.degrees(1.0),
-        shuffles=bool(measures) and 1e3 * max(measures["slip"]) > SLIPPING * result["forward_mm"],
+        shuffles=measures is not None
+        and 1e3 * max(measures["slip"]) > SLIPPING * result["forward_mm"],
         limits={
             "lateral": number(1e3 * limits.lateral, 0),
             "yaw": number(math.degrees(limits.yaw), 0),
