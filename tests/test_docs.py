@@ -50,7 +50,7 @@ def own_commands():
             ours = words[0] == "-m" and words[1].startswith("drake_gait")
             if ours or words[0].startswith(("tools/", "studies/")):
                 # A choice a|b, or a bare name, is a mention; --help shows that there is such a one.
-                *first, last = words
+                *first, last = words[:-1] if words[-1] == "&" else words
                 choices = last.split("|") if "|" in last else [last]
                 bare = "|" in last or len(words) == 1 + ours
                 for choice in choices:
