@@ -19,7 +19,7 @@ from drake_gait.live import Screen
 from drake_gait.provenance import file_sha256
 from drake_gait.ranking import best_walk
 from drake_gait.recording import Exhibit, record, record_gallery
-from drake_gait.records import StudyWalk
+from drake_gait.records import CONFIRMATIONS, StudyWalk
 from drake_gait.result import in_words
 from drake_gait.robot import model_path
 from drake_gait.scene import start_meshcat
@@ -179,7 +179,11 @@ def _find(walks: list[StudyWalk], number: int) -> StudyWalk:
     for walk in walks:
         if walk.id == number:
             return walk
-    raise StudyError(f"no walk {number}; the study has walks {walks[0].id} to {walks[-1].id}")
+    last = max(walk.id for walk in walks if walk.id < CONFIRMATIONS)
+    raise StudyError(
+        f"no walk {number}; the study has walks 0 to {last}, and from {CONFIRMATIONS} on those "
+        "that confirm"
+    )
 
 
 if __name__ == "__main__":
