@@ -6,6 +6,7 @@ time limit holds. What Dask loses with a whole worker it gives to another one.
 """
 
 import json
+import logging
 import pickle
 import platform
 import re
@@ -17,7 +18,6 @@ from concurrent.futures import Future, InvalidStateError
 from contextlib import suppress
 from importlib.metadata import version
 from importlib.util import find_spec
-from multiprocessing.resource_tracker import ensure_running
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
@@ -30,7 +30,6 @@ from drake_gait.worker_process import (
     WalkFunction,
     WorkerDiedError,
     WorkerProcess,
-    signals_blocked,
 )
 from drake_gait.workers import RemoteWorkers, Timed
 
@@ -52,8 +51,8 @@ class DaskCluster(RemoteWorkers):
     Args:
         walk: What a worker runs, importable by its name (or a functools.partial of such).
         address: A scheduler's address, the JSON file that one has written, or "local" for a
-            cluster of processes on this machine.
-        count: Number of those processes.
+            cluster on this machine.
+        count: Number of that one's workers.
         time_limit: Wall-clock time after which a walk is given up [s].
         identity: What has to be the same here and on every worker.
 
@@ -172,7 +171,7 @@ class DaskCluster(RemoteWorkers):
             self._client.run(stop_walks, self._owner)
 
     def _close(self) -> None:
-        # What does not end in time ends with this process, or belongs to the cluster.
+        # What of a cluster elsewhere does not end in time is not ours to end.
         with suppress(Exception):
             self._client.close(timeout=_CLOSING_TIME)
         if self._cluster is not None:
@@ -187,11 +186,15 @@ def _connected(address: str, count: int) -> "tuple[Client, LocalCluster | None]"
     from distributed import Client, LocalCluster
 
     if address == "local":
-        ensure_running()  # Where it does not run yet, the first process lifts the mask.
-        with signals_blocked():
-            cluster = LocalCluster(
-                n_workers=count, threads_per_worker=1, dashboard_address=None, memory_limit=0
-            )
+        # Its workers are threads: the processes that walk are theirs, and end with them.
+        cluster = LocalCluster(
+            n_workers=count,
+            threads_per_worker=1,
+            processes=False,
+            protocol="tcp",
+            dashboard_address=":0",
+            silence_logs=logging.CRITICAL,  # It warns of every walk that a Ctrl-C breaks off.
+        )
         return Client(cluster), cluster
     scheduler = _address_in(address) if address.endswith(".json") else address
     if not re.fullmatch(r"(tcp|tls)://\S+:\d+", scheduler):

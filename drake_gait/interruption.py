@@ -1,5 +1,6 @@
 """Ctrl-C, and SIGTERM, which a cluster sends when a job's time is over, end a command alike."""
 
+import atexit
 import os
 import signal
 import sys
@@ -38,6 +39,7 @@ def leave(status: int) -> NoReturn:
     take torch down.
     """
     if status in (INTERRUPTED, TERMINATED):
+        atexit._run_exitfuncs()  # What Dask and multiprocessing have left to put away.
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(status)

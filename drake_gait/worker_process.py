@@ -129,7 +129,7 @@ class WorkerProcess:
         with self._lock, theirs:
             if self._stopped:
                 raise WorkerDiedError("its process was stopped")
-            with signals_blocked():
+            with _signals_blocked():
                 self._process = subprocess.Popen(
                     [sys.executable, "-c", code],
                     stdin=subprocess.DEVNULL,
@@ -165,7 +165,7 @@ class _Answer:
 
 
 @contextmanager
-def signals_blocked() -> Iterator[None]:
+def _signals_blocked() -> Iterator[None]:
     """Keep Ctrl-C and SIGTERM from a process that is started inside: it inherits the mask.
 
     A terminal and a cluster send them to all processes; the driver alone decides what they mean.
