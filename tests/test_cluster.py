@@ -1,5 +1,6 @@
 """Walks on a Dask cluster: its schedulers and workers are processes of this machine."""
 
+import contextlib
 import functools
 import json
 import os
@@ -54,7 +55,8 @@ def dask(folder, *arguments):
 
 def stop(process):
     """End a process with all that it has started."""
-    os.killpg(process.pid, signal.SIGKILL)
+    with contextlib.suppress(ProcessLookupError):  # It has ended by itself.
+        os.killpg(process.pid, signal.SIGKILL)
     process.wait()
 
 
