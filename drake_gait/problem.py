@@ -107,6 +107,8 @@ class Constraints:
     """Smallest height of a swinging foot [m]."""
     duty_factor: float | None = None
     """Largest share of a cycle in which a foot carries load."""
+    peak_ground_reaction: float | None = None
+    """Largest vertical force of the ground over a frame / weight."""
     toe_range: float | None = None
     """Largest angle of a toe [rad]."""
     yaw_swing: float | None = None

@@ -187,6 +187,7 @@ def manner(measures: Mapping[str, Any]) -> Table:
         ("cost of transport", "cost_of_transport", 1.0, 2),
         ("driving work of the servos [J]", "positive_energy", 1.0, 2),
         ("largest torque [N·m]", "peak_torque", 1.0, 2),
+        ("largest ground reaction [weights]", "peak_ground_reaction", 1.0, 2),
         ("largest speed [rad/s]", "peak_speed", 1.0, 1),
         ("range of the torso's heading [deg]", "yaw_swing", np.degrees(1.0), 0),
         ("largest lean of the torso [deg]", "torso_tilt", np.degrees(1.0), 0),

@@ -53,6 +53,7 @@ _CONSTRAINTS = {
     "slip_mm": ("slip", _MM),
     "clearance_mm": ("clearance", _MM),
     "duty_factor": ("duty_factor", 1.0),
+    "peak_ground_reaction": ("peak_ground_reaction", 1.0),
     "toe_range_deg": ("toe_range", _DEGREE),
     "yaw_swing_deg": ("yaw_swing", _DEGREE),
     "torso_tilt_deg": ("torso_tilt", _DEGREE),

@@ -149,6 +149,8 @@ class Measures:
     """Height that the foot's lowest point reaches in the lowest of its swings [m]."""
     duty_factor: tuple[float, float]
     """Share of the second cycle in which the foot carries load."""
+    peak_ground_reaction: float
+    """Largest vertical force of the ground, mean of a frame of 20 ms / weight."""
     toe_range: tuple[float, float, float, float]
     """Largest angle of each toe [rad]: right big, right lesser, left big, left lesser."""
     yaw_swing: float

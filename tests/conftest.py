@@ -183,6 +183,7 @@ def measures() -> Measures:
         slip=(0.003, 0.004),
         clearance=(0.012, 0.009),
         duty_factor=(0.61, 0.63),
+        peak_ground_reaction=1.9,
         toe_range=(0.21, 0.11, 0.23, 0.13),
         yaw_swing=0.31,
         torso_tilt=0.15,

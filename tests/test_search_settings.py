@@ -37,6 +37,7 @@ saturated_fraction = 0.1
 slip_mm = 12
 clearance_mm = 4
 duty_factor = 0.7
+peak_ground_reaction = 1.8
 toe_range_deg = 20
 yaw_swing_deg = 15
 torso_tilt_deg = 10
@@ -66,6 +67,7 @@ def test_limits_of_measures_are_written_in_the_units_of_their_names(read):
     assert (limits.energy, limits.positive_energy, limits.cost_of_transport) == (9.0, 8.0, 2.5)
     assert (limits.peak_torque, limits.peak_speed) == (1.1, 6.5)
     assert (limits.saturated_fraction, limits.duty_factor) == (0.1, 0.7)
+    assert limits.peak_ground_reaction == 1.8
     assert (limits.slip, limits.clearance) == pytest.approx((0.012, 0.004))
     angles = np.degrees([limits.toe_range, limits.yaw_swing, limits.torso_tilt])
     assert angles == pytest.approx([20.0, 15.0, 10.0])
