@@ -217,7 +217,7 @@ class Observer:
             foot, body = found
             velocity = plant.EvalBodySpatialVelocityInWorld(plant_context, body)
             p_WB: FloatArray = plant.EvalBodyPoseInWorld(plant_context, body).translation()
-            arm = cast(FloatArray, surface.centroid()) - p_WB
+            arm = cast(Any, cast(FloatArray, surface.centroid()) - p_WB)
             v_WP = velocity.Shift(arm).translational()
             speeds[foot], loads[foot] = np.hypot(v_WP[0], v_WP[1]), load
         return total, speeds
