@@ -31,7 +31,7 @@ Watch = Callable[[float, FloatArray], None]
 
 _UPRIGHT = math.cos(FALL_TILT)
 
-_TOLERANCE = 1e-4
+_TOLERANCE = 1e-5
 """Of CENIC's convex solver in steps of fixed length; with errors controlled it follows them."""
 
 _SETTLING_TIME = 1.0

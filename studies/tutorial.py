@@ -37,10 +37,10 @@ options.out.mkdir(parents=True, exist_ok=True)
 # %% 1. One gait. Sixteen coefficients in degrees; what comes back is in SI units.
 gait = Gait.from_degrees(
     [  # a, b, c, d of
-        [0.3, 1.7, 5.6, -0.2],  # hip and ankle roll
-        [12.0, -12.7, 8.4, -0.8],  # hip pitch
-        [23.1, -1.8, 12.6, 0.0],  # knee
-        [10.2, 7.4, 6.2, 1.2],  # ankle pitch
+        [0.5, 2.3, 5.8, -0.4],  # hip and ankle roll
+        [12.7, -13.1, 9.4, -0.6],  # hip pitch
+        [22.2, -2.4, 13.0, 0.2],  # knee
+        [10.0, 6.2, 6.4, 0.7],  # ankle pitch
     ]
 )
 first = Candidate(gait=gait)
