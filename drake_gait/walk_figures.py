@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib import rc_context
 from numpy.typing import NDArray
 
+from drake_gait import human
 from drake_gait.errors import SettingsError
 from drake_gait.figures import (
     COLUMN,
@@ -30,16 +31,7 @@ from drake_gait.walk import History
 CONTACT_FORCE = 0.1
 """A foot stands on the ground when it is pressed with more than this [N]."""
 
-HUMAN_KEY_VALUES = {
-    "knee": ((0.00, 0.10, 15.0), (0.60, 0.73, 60.0)),
-    "ankle": ((0.30, 0.50, 10.0),),
-}
-"""Peaks of a human's joints: begin and end of the phase as parts of the gait cycle, angle [deg].
-
-Knee flexion in loading response and in initial swing, ankle dorsiflexion in terminal stance:
-J. Perry, Gait Analysis: Normal and Pathological Function, SLACK, 1992.
-"""
-
+_ROOM_BEHIND, _ROOM_AHEAD, _EDGE = 120.0, 145.0, 5.0  # round the centre of mass, at least [mm]
 _IMPACT = 4.0  # times the usual force: beyond this, an impact is cut off
 _LEG_JOINTS = {
     "roll": "hip_roll",
@@ -54,7 +46,7 @@ _GAIT_FUNCTION = (0.3, 3.3)  # when the gait function is in command (Eqs. 3-9) [
 def waveforms(history: History, path: Path) -> None:
     """Fig. 13: roll, hip, knee and ankle of both legs in the second cycle, command and measured.
 
-    With the right leg's key values of a human, whose initial contact is at 1.2 s as in Fig. 12.
+    Behind them a human's right leg, whose initial contact is at 1.2 s as in Fig. 12.
     """
     with rc_context(STYLE):
         figure = new_figure(COLUMN, 5.4)
@@ -68,9 +60,13 @@ def waveforms(history: History, path: Path) -> None:
                 measured = np.degrees(history.angles[shown, column])
                 axes.plot(time, command, "--", color=colour, linewidth=0.9, alpha=0.8)
                 axes.plot(time, measured, color=colour)
-            for begin, end, angle in HUMAN_KEY_VALUES.get(waveform, ()):
-                phase = _NATURAL_CYCLE[0] + CYCLE_TIME * np.array([begin, end])
-                axes.plot(phase, [angle, angle], color=INK, linewidth=3.0, solid_capstyle="butt")
+            if waveform in human.JOINTS:
+                phase = np.linspace(0.0, 1.0, 121)
+                mean, deviation = human.angles(waveform, phase)
+                cycle = _NATURAL_CYCLE[0] + CYCLE_TIME * phase
+                axes.fill_between(cycle, mean - deviation, mean + deviation, color=GREY,
+                                  alpha=0.25, linewidth=0.0, zorder=1)  # fmt: skip
+                axes.plot(cycle, mean, color=INK, linewidth=0.9, zorder=1.5)
             axes.set_ylabel(f"{waveform} [deg]")
         panels[-1].set_xlabel("time [s]")
         panels[-1].set_xlim(*_NATURAL_CYCLE)
@@ -78,7 +74,7 @@ def waveforms(history: History, path: Path) -> None:
             panels[0].plot([], [], color=colour, label=f"{side} leg")
         panels[0].plot([], [], "--", color=GREY, linewidth=0.9, label="command")
         panels[0].plot([], [], color=GREY, label="measured")
-        panels[0].plot([], [], color=INK, linewidth=3.0, label="human, right leg (Perry 1992)")
+        panels[0].plot([], [], color=INK, linewidth=0.9, label="human, right leg")
         handles, labels = panels[0].get_legend_handles_labels()
         order = [0, 2, 1, 3, 4]  # of a legend in columns
         figure.legend([handles[place] for place in order], [labels[place] for place in order],
@@ -154,9 +150,18 @@ def postures(history: History, pictures: Sequence[Picture], path: Path) -> None:
     frames = posture_frames(history)
     if len(pictures) != len(frames):
         raise SettingsError(f"postures needs {len(frames)} pictures, got {len(pictures)}")
+    # All of the robot, however long its step; a panel is one of five across the page.
+    reach = [
+        (1e3 * (picture.extent[0] - history.com[frame, 0]),
+         1e3 * (picture.extent[1] - history.com[frame, 0]))
+        for frame, picture in zip(frames, pictures, strict=True)
+    ]  # fmt: skip
+    behind = min(-_ROOM_BEHIND, *(begin - _EDGE for begin, _ in reach))
+    ahead = max(_ROOM_AHEAD, *(end + _EDGE for _, end in reach))
+    scale = (_ROOM_BEHIND + _ROOM_AHEAD) / (ahead - behind)
     with rc_context(STYLE):
-        figure = new_figure(PAGE, 3.9)
-        rows = figure.subplots(2, len(frames), sharey="row", height_ratios=(430, 110))
+        figure = new_figure(PAGE, 1.4 + 2.5 * scale)
+        rows = figure.subplots(2, len(frames), sharey="row", height_ratios=(430 * scale, 110))
         for column, (frame, picture) in enumerate(zip(frames, pictures, strict=True)):
             instant, phase = GAIT_PHASES[column]
             whole, toes = rows[:, column]
@@ -174,7 +179,7 @@ def postures(history: History, pictures: Sequence[Picture], path: Path) -> None:
                            markersize=4.5, markeredgecolor="white", zorder=3)  # fmt: skip
             whole.plot(0.0, 1e3 * history.com[frame, 2], "o", color=COM, markersize=5.5,
                        markeredgecolor="white", zorder=3)  # fmt: skip
-            whole.set(xlim=(-120.0, 145.0), ylim=(-12.0, 418.0))
+            whole.set(xlim=(behind, ahead), ylim=(-12.0, 418.0))
             whole.set_title(f"{instant:.1f} s, {phase}")
             # Of the foot whose toes are bent more; in front of its ankle, at twice the scale.
             foot = int(np.argmax(history.toes[frame].reshape(2, 2).max(axis=1)))

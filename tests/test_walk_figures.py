@@ -1,14 +1,17 @@
 import dataclasses
+import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from conftest import texts
 from matplotlib.image import imread
+from numpy.typing import ArrayLike
 
-from drake_gait import figures, walk_figures
+from drake_gait import figures, human, walk_figures
 from drake_gait.errors import SettingsError
-from drake_gait.gait import FRAME_TIME, FRAMES, STANDING, Gait
+from drake_gait.gait import FRAME_TIME, FRAMES, STANDING, FloatArray, Gait
 from drake_gait.rendering import Picture
 from drake_gait.walk import History
 
@@ -97,6 +100,20 @@ def test_postures_name_the_angles_of_the_toes_that_are_bent_more(
     assert texts(path).count("left toes 17° and 14°") == 5
 
 
+def test_postures_show_the_whole_robot_however_long_its_step(
+    history: History, seen: list[Picture], tmp_path: Path
+) -> None:
+    def least(pictures: list[Picture]) -> float:
+        path = tmp_path / "postures.svg"
+        walk_figures.postures(history, pictures, path)
+        return min(float(text.replace("\N{MINUS SIGN}", "-")) for text in texts(path)
+                   if re.fullmatch("\N{MINUS SIGN}?[0-9]+", text))  # fmt: skip
+
+    long = dataclasses.replace(seen[0], left=-0.3)
+    assert least(seen) == -100
+    assert least([*seen[:4], long]) <= -200
+
+
 def test_postures_needs_a_picture_for_each_instant(
     history: History, seen: list[Picture], tmp_path: Path
 ) -> None:
@@ -158,3 +175,19 @@ def test_a_walk_that_fell_before_the_second_cycle_can_be_drawn(
     fell = History(**{name: getattr(history, name)[:40] for name in vars(history)})
     walk_figures.waveforms(fell, tmp_path / "waveforms.png")
     walk_figures.ground_reaction(fell, tmp_path / "ground_reaction.png")
+
+
+def test_a_human_s_leg_is_drawn_where_there_is_an_angle_of_it(
+    history: History, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn = []
+
+    def angles(joint: str, phase: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        drawn.append(joint)
+        return human.angles(joint, phase)
+
+    monkeypatch.setattr(walk_figures, "human", SimpleNamespace(JOINTS=human.JOINTS, angles=angles))
+    path = tmp_path / "waveforms.svg"
+    walk_figures.waveforms(history, path)
+    assert drawn == list(human.JOINTS)
+    assert "human, right leg" in texts(path)
