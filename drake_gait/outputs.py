@@ -72,7 +72,8 @@ def write_outputs(
     except OSError as error:
         raise StudyError(f"cannot write {error.filename}: {error.strerror}") from None
     _draw_walk(settings, best, replayed, folder)
-    _draw_search(settings, searched, best, folder / FIGURES, measured(walks))
+    label = "winner" if robust else "best walk"
+    _draw_search(settings, searched, best, folder / FIGURES, measured(walks), label)
     if network is not None:
         _draw_network(settings, network, folder / FIGURES)
     run = Run(folder=folder, settings=settings, result=result, walks=walks)
@@ -124,6 +125,7 @@ def _draw_search(
     best: StudyWalk,
     folder: Path,
     found: Mapping[int, Measures],
+    label: str,
 ) -> None:
     """Figures of all walks; the measures of those that have some, by their ids."""
     study_figures.convergence(
@@ -144,6 +146,7 @@ def _draw_search(
         settings.space.encode(best.candidate),
         settings.space.names,
         folder / "coordinates",
+        label=label,
     )
     costs = [found[walk.id].cost_of_transport if walk.id in found else np.nan for walk in survivors]
     if np.isfinite(costs).any():  # A study that wants distance measures its best walks only.

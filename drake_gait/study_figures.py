@@ -29,6 +29,7 @@ from drake_gait.figures import (
 from drake_gait.gait import FloatArray
 from drake_gait.sensitivity import Sensitivity
 
+_MANY = 400  # walks, from which on their marks are smaller
 _MAP = "cividis"  # even in lightness, and alike for all kinds of colour vision
 
 
@@ -84,7 +85,7 @@ def predicted_against_simulated(
     names_units: Sequence[tuple[str, str]],
     path: Path,
 ) -> None:
-    """Fig. 8: the network's predictions, one panel for each output.
+    """Fig. 8: the network's predictions, a column for each output, a row for each kind of walk.
 
     Args:
         simulated: Outputs of the walks, shape (n, k).
@@ -107,29 +108,24 @@ def predicted_against_simulated(
                 f"{len(names_units)} outputs were simulated with shape {truth.shape} and "
                 f"predicted ({label}) with shape {predicted.shape}; all must be alike"
             )
-    columns = 2 if len(names_units) in (2, 4) else min(len(names_units), 3)
-    rows = -(-len(names_units) // columns)
+    size = 2.8 if len(truth) < _MANY else 1.8
     with rc_context(STYLE):
-        figure = new_figure(PAGE * columns / 3.0, 2.5 * rows + 0.3)
-        panels = figure.subplots(rows, columns, squeeze=False).ravel()
-        for axes in panels[len(names_units) :]:
-            axes.set_axis_off()
-        for output, (name, unit) in enumerate(names_units):
-            axes = panels[output]
-            for label, colour, marker, predicted in groups:
+        figure = new_figure(PAGE * len(names_units) / 3.0, 2.35 * len(groups))
+        panels = figure.subplots(
+            len(groups), len(names_units), sharex="col", sharey="col", squeeze=False
+        )
+        for row, (label, colour, marker, predicted) in zip(panels, groups, strict=True):
+            scores = r2_train if label == "training" else r2_heldout
+            for output, (name, unit) in enumerate(names_units):
+                axes = row[output]
                 axes.plot(truth[:, output], predicted[:, output], marker, color=colour,
-                          markersize=2.8, markeredgewidth=0.0, alpha=0.75,
-                          label=label if output == 0 else None)  # fmt: skip
-            _identity(axes)
-            axes.set_title(name)
-            axes.set_xlabel(f"simulated [{unit}]")
-            axes.set_ylabel(f"predicted [{unit}]")
-            axes.text(0.04, 0.96, f"R² training {r2_train[output]:.2f}\n"
-                      f"R² held out {r2_heldout[output]:.2f}", transform=axes.transAxes,
-                      va="top", fontsize=7.0,
-                      bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0.0,
-                            "pad": 1.0})  # fmt: skip
-        figure.legend(loc="outside lower center", ncols=2, markerscale=1.6)
+                          markersize=size, markeredgewidth=0.0, alpha=0.6)  # fmt: skip
+                axes.set_title(f"{name}, {label}: R² {scores[output]:.2f}")
+                axes.set_ylabel(f"predicted [{unit}]")
+                if label == "held out":
+                    axes.set_xlabel(f"simulated [{unit}]")
+        for column in panels.T:
+            _identity(column)
         save_figure(figure, path)
 
 
@@ -166,6 +162,8 @@ def parallel_coordinates(
     best: ArrayLike,
     names: Sequence[str],
     path: Path,
+    *,
+    label: str = "best walk",
 ) -> None:
     """Every walk that survived as a line through its design variables; feasible ones in colour.
 
@@ -176,6 +174,7 @@ def parallel_coordinates(
         best: Design vector of the walk to draw on top, shape (d,).
         names: The design variables, d of them.
         path: The file to write.
+        label: What the walk on top is called.
     """
     points, forward = np.asarray(x, dtype=float), np.asarray(forward_mm, dtype=float)
     holds = np.asarray(feasible, dtype=bool)
@@ -193,7 +192,7 @@ def parallel_coordinates(
         coloured.set_array(forward[order])
         axes.add_collection(coloured)
         axes.plot(place, np.asarray(best), "o-", color=VERMILION, linewidth=1.6, markersize=3.5,
-                  label="best walk")  # fmt: skip
+                  label=label)  # fmt: skip
         axes.plot([], [], color=GREY, linewidth=0.8, label="not feasible")
         axes.fill_between([], [], color="#eef0f3", label="box of the samples")
         if len(order):
@@ -225,8 +224,9 @@ def pareto(
     with rc_context(STYLE):
         figure = new_figure(COLUMN, 2.7)
         axes = figure.subplots()
-        axes.plot(forward[~holds], cost[~holds], ".", color=GREY, markersize=3.0, alpha=0.7,
-                  label="not feasible")  # fmt: skip
+        if np.isfinite(cost[~holds]).any():
+            axes.plot(forward[~holds], cost[~holds], ".", color=GREY, markersize=3.0, alpha=0.7,
+                      label="not feasible")  # fmt: skip
         axes.plot(forward[holds], cost[holds], ".", color=GREEN, markersize=5.0, label="feasible")
         axes.plot(forward[holds][front], cost[holds][front], "o-", color=BLUE, markersize=4.0,
                   label="Pareto front")  # fmt: skip
@@ -258,9 +258,10 @@ def _best_so_far(forward: FloatArray, feasible: NDArray[np.bool_]) -> FloatArray
     return best
 
 
-def _identity(axes: Axes) -> None:
+def _identity(shared: Sequence[Axes]) -> None:
     """The same square range on both axes, and the line where prediction and simulation agree."""
-    low = min(axes.get_xlim()[0], axes.get_ylim()[0])
-    high = max(axes.get_xlim()[1], axes.get_ylim()[1])
-    axes.plot([low, high], [low, high], color="black", linewidth=0.7, zorder=0)
-    axes.set(xlim=(low, high), ylim=(low, high), aspect="equal")
+    low = min(shared[0].get_xlim()[0], shared[0].get_ylim()[0])
+    high = max(shared[0].get_xlim()[1], shared[0].get_ylim()[1])
+    for axes in shared:
+        axes.plot([low, high], [low, high], color="black", linewidth=0.7, zorder=0)
+        axes.set(xlim=(low, high), ylim=(low, high), aspect="equal")

@@ -41,7 +41,7 @@ def test_convergence_refuses_flags_of_another_length(tmp_path: Path) -> None:
         study_figures.convergence([1.0, 2.0], [True], tmp_path / "convergence.png", samples=1)
 
 
-def test_each_output_gets_a_panel_with_its_unit_and_both_scores(tmp_path: Path) -> None:
+def test_each_output_gets_two_panels_with_its_unit_and_their_scores(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     simulated = rng.normal(size=(30, 3))
     heldout = simulated + 0.5
@@ -51,9 +51,10 @@ def test_each_output_gets_a_panel_with_its_unit_and_both_scores(tmp_path: Path) 
         simulated, simulated, heldout, [0.97, 0.96, 0.95], [0.5, 0.25, -0.125], OUTPUTS, path
     )
     shown = texts(path)
-    for name, unit in OUTPUTS:
-        assert {name, f"simulated [{unit}]", f"predicted [{unit}]"} <= set(shown)
-    assert {"R² training 0.97", "R² held out -0.12"} <= set(shown)
+    for _, unit in OUTPUTS:
+        assert {f"simulated [{unit}]", f"predicted [{unit}]"} <= set(shown)
+    assert {"distance, training: R² 0.97", "lateral, held out: R² 0.25"} <= set(shown)
+    assert {"yaw, training: R² 0.95", "yaw, held out: R² -0.12"} <= set(shown)
 
 
 def test_predictions_of_another_shape_are_refused(tmp_path: Path) -> None:
@@ -87,10 +88,10 @@ def test_parallel_coordinates_have_an_axis_for_each_variable(
     x = np.array([[0.0, 1.0], [0.5, -2.0], [0.1, 0.2]])
     path = tmp_path / "coordinates.svg"
     study_figures.parallel_coordinates(
-        x, [100.0, 200.0, 50.0], feasible, x[1], ("hip_a", "knee_b"), path
+        x, [100.0, 200.0, 50.0], feasible, x[1], ("hip_a", "knee_b"), path, label="winner"
     )
     shown = texts(path)
-    assert {"hip a", "knee b", "value [half widths of the box]"} <= set(shown)
+    assert {"hip a", "knee b", "value [half widths of the box]", "winner"} <= set(shown)
     assert ("distance of feasible walks [mm]" in shown) == any(feasible)
 
 
@@ -115,3 +116,13 @@ def test_the_pareto_figure_has_units_and_survives_walks_without_advance(tmp_path
     path = tmp_path / "pareto.svg"
     study_figures.pareto([100.0, 120.0, 0.0], [0.3, 0.4, np.inf], [True, True, False], path)
     assert {"distance walked [mm]", "cost of transport [1]", "Pareto front"} <= set(texts(path))
+
+
+def test_the_pareto_figure_speaks_of_infeasible_walks_only_where_one_was_measured(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "pareto.svg"
+    study_figures.pareto([100.0, 120.0], [0.3, np.nan], [True, False], path)
+    assert "not feasible" not in texts(path)
+    study_figures.pareto([100.0, 120.0], [0.3, 0.4], [True, False], path)
+    assert "not feasible" in texts(path)
