@@ -104,6 +104,20 @@ def test_a_link_leads_somewhere(page):
             assert anchor in slugs, target
 
 
+@pytest.mark.parametrize("first", ["README.md", "docs/index.md"])
+def test_a_table_of_pages_leads_to_every_page_there_is(first):
+    file = ROOT / first
+    rows = re.findall(r"^\|.*\|$", file.read_text(encoding="utf-8"), re.MULTILINE)
+    listed = {
+        (file.parent / target.partition("#")[0]).resolve()
+        for row in rows
+        for target in LINK.findall(row)
+    }
+    pages = {page for page in PAGES if "docs" in page.parts and "api" not in page.parts}
+    assert pages - listed - {ROOT / "docs" / "index.md"} == set()
+    assert ROOT / "docs" / "api" / "index.md" in listed
+
+
 @pytest.mark.parametrize("words", COMMANDS.values(), ids=COMMANDS)
 def test_a_command_line_is_accepted(words, monkeypatch):
     take = argparse.ArgumentParser.parse_known_args
