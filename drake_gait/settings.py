@@ -18,7 +18,6 @@ import numpy as np
 
 from drake_gait.errors import SettingsError
 from drake_gait.foot import N_MM_PER_DEG, FootDesign
-from drake_gait.gait import FloatArray
 from drake_gait.plan import ConfirmationSettings, SearchSettings
 from drake_gait.problem import (
     OUTPUTS,
@@ -29,6 +28,7 @@ from drake_gait.problem import (
     quantities,
 )
 from drake_gait.servo import Servo
+from drake_gait.toml_values import coefficients, coefficients_of_result, known, number, texts
 from drake_gait.walk import Fidelity, Walk, WalkSettings
 
 _DEGREE = math.pi / 180.0
@@ -90,7 +90,7 @@ _KEYS = {
     "study": ("name", "question", "seed"),
     "search": tuple(field.name for field in fields(SearchSettings)),
     "confirmation": tuple(_CONFIRMATION),
-    "box": ("chosen", "centre_deg", "half_width_deg"),
+    "box": ("chosen", "centre_deg", "centre_from", "half_width_deg"),
     "constraints": tuple(_CONSTRAINTS),
     "walk": ("model", "fidelity", "time_limit_s", "friction"),
     "servo": tuple(_SERVO),
@@ -230,8 +230,11 @@ def read_study(path: Path, overrides: Mapping[tuple[str, str], Any] | None = Non
     for (section, key), value in (overrides or {}).items():
         if isinstance(values := content.setdefault(section, {}), dict):  # Others: see _study.
             values[key] = value
+            if key == "centre_from":  # Said here and now: instead of the file's, from this folder.
+                values.pop("centre_deg", None)
+                values[key] = str(Path(value).absolute()) if isinstance(value, str) else value
     try:
-        return _study(content)
+        return _study(content, path.parent)
     except SettingsError as error:
         changed = "".join(f", {section}.{key} set" for section, key in overrides or {})
         raise SettingsError(f"study {path}{changed}: {error}") from None
@@ -280,26 +283,22 @@ def _as_toml(value: Any, unit: float | None) -> str:
     return json.dumps(value) if unit is None else f"{value / unit:.12g}"
 
 
-def _study(content: Mapping[str, Any]) -> StudySettings:
-    _known("section", content, _KEYS)
+def _study(content: Mapping[str, Any], folder: Path) -> StudySettings:
+    known("section", content, _KEYS)
     for section, values in content.items():
         if not isinstance(values, Mapping):
             raise SettingsError(f"[{section}] must be a section, got {values!r}")
-        _known(f"key of [{section}]", values, _KEYS[section])
-    study, box = dict(content.get("study", {})), content.get("box", {})
-    for key in ("centre_deg", "half_width_deg"):
-        if key not in box:
-            raise SettingsError(f"[box] needs {key}: 4 rows (roll, hip, knee, ankle) of 4 degrees")
+        known(f"key of [{section}]", values, _KEYS[section])
+    study, box = dict(content.get("study", {})), _box(content.get("box", {}), folder)
     walk = dict(content.get("walk", {}))
     if "time_limit_s" in walk:
-        walk["time_limit"] = _number("walk.time_limit_s", walk.pop("time_limit_s"))
+        walk["time_limit"] = number("walk.time_limit_s", walk.pop("time_limit_s"))
     if "friction" in walk:
-        walk["friction"] = _number("walk.friction", walk["friction"])
+        walk["friction"] = number("walk.friction", walk["friction"])
     if "fidelity" in walk:
         walk["fidelity"] = _fidelity(walk["fidelity"])
-    _texts("walk", walk, ("model",))
-    _texts("study", study, ("question",))
-    _texts("box", box, ("chosen",))
+    texts("walk", walk, ("model",))
+    texts("study", study, ("question",))
     if not isinstance(study.get("name"), str):
         raise SettingsError('[study] needs a name = "..."')
     return StudySettings(
@@ -307,8 +306,8 @@ def _study(content: Mapping[str, Any]) -> StudySettings:
         search=SearchSettings(**content.get("search", {})),
         confirmation=_confirmation(content.get("confirmation", {})),
         space=DesignSpace(
-            centre=_degrees("centre_deg", box["centre_deg"]),
-            half_width=_degrees("half_width_deg", box["half_width_deg"]),
+            centre=coefficients("box.centre_deg", box["centre_deg"]),
+            half_width=coefficients("box.half_width_deg", box["half_width_deg"]),
             foot=_foot(content.get("foot", {})),
             foot_ranges=_ranges(content.get("design", {})),
         ),
@@ -318,32 +317,25 @@ def _study(content: Mapping[str, Any]) -> StudySettings:
     )
 
 
-def _known(what: str, given: Mapping[str, Any], known: Any) -> None:
-    for name in given:
-        if name not in known:
-            near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.0)[0]
-            raise SettingsError(
-                f"no {what} is called '{name}'; the nearest is '{near}' of {', '.join(known)}"
-            )
-
-
-def _number(name: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise SettingsError(f"{name} must be a finite number, got {value!r}")
-    return float(value)
-
-
-def _texts(section: str, values: Mapping[str, Any], keys: tuple[str, ...]) -> None:
-    for key in keys:
-        if not isinstance(values.get(key, ""), str):
-            raise SettingsError(f"{section}.{key} must be text, got {values[key]!r}")
+def _box(values: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """The box with its centre, which may be the winner of an earlier study."""
+    box = dict(values)
+    texts("box", box, ("chosen", "centre_from"))
+    if "centre_from" in box:
+        if "centre_deg" in box:
+            raise SettingsError("[box] has either centre_deg or centre_from")
+        box["centre_deg"] = coefficients_of_result(folder / box["centre_from"])
+    for key in ("centre_deg", "half_width_deg"):
+        if key not in box:
+            raise SettingsError(f"[box] needs {key}: 4 rows (roll, hip, knee, ankle) of 4 degrees")
+    return box
 
 
 def _scaled(
     section: str, content: Mapping[str, Any], table: Mapping[str, tuple[str, float]]
 ) -> dict[str, float]:
     return {
-        table[key][0]: _number(f"{section}.{key}", value) * table[key][1]
+        table[key][0]: number(f"{section}.{key}", value) * table[key][1]
         for key, value in content.get(section, {}).items()
     }
 
@@ -359,7 +351,7 @@ def _confirmation(values: Mapping[str, Any]) -> ConfirmationSettings:
     given = {_CONFIRMATION[key]: value for key, value in values.items()}
     for key in ("noise", "friction"):
         if key in given:
-            given[key] = _number(f"confirmation.{key}", given[key])
+            given[key] = number(f"confirmation.{key}", given[key])
     if "noise" in given:
         given["noise"] *= _DEGREE
     return ConfirmationSettings(**given)
@@ -373,21 +365,12 @@ def _fidelity(value: Any) -> Fidelity:
         raise SettingsError(f"walk.fidelity must be one of {known}, got {value!r}") from None
 
 
-def _degrees(name: str, rows: Any) -> FloatArray:
-    lists = isinstance(rows, list) and all(isinstance(row, list) for row in rows)
-    if not lists or [len(row) for row in rows] != [4, 4, 4, 4]:
-        raise SettingsError(f"box.{name} must be 4 rows of 4 numbers, got {rows!r}")
-    values = [[_number(f"box.{name}", value) for value in row] for row in rows]
-    radians: FloatArray = np.radians(values)
-    return radians
-
-
 def _ranges(design: Mapping[str, Any]) -> tuple[tuple[str, float, float], ...]:
     ranges = []
     for key, value in design.items():
         if not isinstance(value, list) or len(value) != 2:
             raise SettingsError(f"design.{key} must be [smallest, largest], got {value!r}")
         name, unit = _FOOT[key]
-        low, high = (_number(f"design.{key}", end) * unit for end in value)
+        low, high = (number(f"design.{key}", end) * unit for end in value)
         ranges.append((name, low, high))
     return tuple(ranges)

@@ -25,7 +25,6 @@ A grid has, in place of seeds and variants, gaits that walk on every foot of the
     toe_damping_n_m_s_per_rad = [1e-4, 1e-3]
 """
 
-import json
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -36,6 +35,7 @@ from drake_gait.errors import SettingsError
 from drake_gait.foot import FootDesign
 from drake_gait.gait import Gait
 from drake_gait.settings import StudySettings, read_study
+from drake_gait.toml_values import coefficients_of_result
 
 Overrides = Mapping[tuple[str, str], Any]
 
@@ -214,14 +214,8 @@ def _axis(values: Mapping[str, Any]) -> Axis:
 
 def _gaits(values: Mapping[str, Any], folder: Path) -> tuple[Gait, ...]:
     tables = list(values.get("coefficients_deg", []))
-    for name in values.get("results", []):
-        path = folder / name
-        try:
-            tables.append(json.loads(path.read_text(encoding="utf-8"))["coefficients_deg"])
-        except OSError as error:
-            raise SettingsError(f"cannot read the result {path}: {error.strerror}") from None
-        except (ValueError, KeyError, TypeError):
-            raise SettingsError(f"{path} is no result.json of a study") from None
+    results = (folder / name for name in values.get("results", []))
+    tables += [coefficients_of_result(path) for path in results]
     if not tables:
         raise SettingsError('[grid] needs gaits: results = ["..."] or coefficients_deg = [...]')
     return tuple(Gait.from_degrees(table) for table in tables)

@@ -29,6 +29,7 @@ _COLUMNS = (
     (COST, "cost of transport", 2),
     ("measures.energy", "work [J]", 1),
     ("slip_mm", "slip [mm]", 0),
+    ("measures.peak_ground_reaction", "ground reaction [weights]", 2),
 )
 _LEFT_OUT = ("coefficients_deg", "finalists", "versions", "study", "seed")
 

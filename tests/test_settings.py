@@ -353,6 +353,53 @@ def test_a_study_without_a_box_is_told_what_a_box_is(read, key):
     assert f"needs {key}: 4 rows (roll, hip, knee, ankle) of 4 degrees" in refused(read, text)
 
 
+def with_centre_from(result):
+    return re.sub(r"(?m)^centre_deg = .*$", f'centre_from = "{result}"', MINIMAL)
+
+
+def test_a_box_may_lie_around_the_winner_of_an_earlier_study(read, tmp_path):
+    rows = [
+        [0.1, 1.0, 2.0, 0.0],
+        [12.0, -9.0, 8.0, 0.5],
+        [20.0, -1.5, 12.0, 0.0],
+        [9.0, 6.0, 5.0, 1.0],
+    ]
+    (tmp_path / "result.json").write_text(json.dumps({"coefficients_deg": rows}))
+    assert np.degrees(read(with_centre_from("result.json")).space.centre) == pytest.approx(
+        np.array(rows)
+    )
+
+
+def test_a_winner_named_on_the_command_line_takes_the_place_of_the_centre(tmp_path, monkeypatch):
+    study = tmp_path / "studies" / "study.toml"
+    study.parent.mkdir()
+    study.write_text(MINIMAL)
+    rows = np.arange(16.0).reshape(4, 4) / 4.0
+    (tmp_path / "result.json").write_text(json.dumps({"coefficients_deg": rows.tolist()}))
+    monkeypatch.chdir(tmp_path)  # The name is one of the folder where the command is given.
+    settings = read_study(study, {("box", "centre_from"): "result.json"})
+    assert np.degrees(settings.space.centre) == pytest.approx(rows)
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (None, "cannot read the result"),
+        ("{}", "is no result.json of a study"),
+        ('{"coefficients_deg": [[1, 2]]}', "box.centre_deg must be 4 rows of 4 numbers"),
+    ],
+)
+def test_a_result_that_is_none_cannot_be_the_centre_of_a_box(read, tmp_path, content, told):
+    if content is not None:
+        (tmp_path / "result.json").write_text(content)
+    assert told in refused(read, with_centre_from("result.json"))
+
+
+def test_a_box_with_two_centres_is_refused(read):
+    text = MINIMAL.replace("half_width_deg", 'centre_from = "result.json"\nhalf_width_deg')
+    assert "either centre_deg or centre_from" in refused(read, text)
+
+
 def test_a_study_without_a_name_is_told_so(read):
     assert "[study] needs a name" in refused(read, MINIMAL.replace('name = "minimal"', ""))
     assert "[study] needs a name" in refused(read, MINIMAL[MINIMAL.index("[box]") :])

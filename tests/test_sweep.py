@@ -263,7 +263,7 @@ def test_the_table_has_a_line_for_each_variant(rows):
     assert re.search(
         r"rigid +2/2 +2/2 +325\.0 \(310\.0 to 340\.0\) +265\.0 .* 0\.667 +0\.667$", lines[2]
     )
-    assert re.search(r"wide +0/2 +0/2( +-){7}$", lines[3])
+    assert re.search(r"wide +0/2 +0/2( +-){8}$", lines[3])
 
 
 def test_both_files_hold_every_study(write, rows, tmp_path):
