@@ -17,9 +17,24 @@ class Terminated(KeyboardInterrupt):
     """SIGTERM: what ends at Ctrl-C ends at this too."""
 
 
+def ctrl_c_ends_at_once() -> None:
+    """Have Ctrl-C end this process without a word, until a command begins its work.
+
+    While Drake and torch are imported there is nothing to put in order, and an import that an
+    exception breaks off takes seconds to say so, in many lines.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # Else it is not heard.
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @contextmanager
 def sigterm_interrupts() -> Iterator[None]:
-    """Inside, SIGTERM raises Terminated in the main thread, which is the one to call this."""
+    """Inside, SIGTERM raises Terminated in the main thread, which is the one to call this.
+
+    From here on Ctrl-C raises KeyboardInterrupt, if it ended the process until now.
+    """
+    if signal.getsignal(signal.SIGINT) == signal.SIG_DFL:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     before = signal.signal(signal.SIGTERM, _raise_once)
     try:
         yield

@@ -13,8 +13,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from drake_gait.interruption import ctrl_c_ends_at_once, exit_status, leave, sigterm_interrupts
+
+if __name__ == "__main__":
+    ctrl_c_ends_at_once()  # Before the slow imports.
+
 from drake_gait.errors import GaitError
-from drake_gait.interruption import exit_status, leave, sigterm_interrupts
 from drake_gait.outputs import write_outputs
 from drake_gait.progress import display
 from drake_gait.records import CONFIRMATIONS

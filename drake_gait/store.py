@@ -1,6 +1,6 @@
 """The study file: every walk ever simulated, in one SQLite database.
 
-Tables (schema 2; SI units, angles in radians, numbers as full doubles):
+Tables (schema 3; SI units, angles in radians, numbers as full doubles):
 
     study   key, value      schema, settings, model_sha256 and versions, each as JSON
     walks   one row a walk  id is its place in the study; what it was simulated for (stage), of
@@ -12,6 +12,9 @@ Tables (schema 2; SI units, angles in radians, numbers as full doubles):
 docs/studies.md lists the columns. The driver is the only writer and commits each walk as it
 finishes (write-ahead log, synchronous = normal): a killed process loses none, a power cut at most
 the last few.
+
+A change of the columns is a new schema. Older ones down to schema 2 are read, with nothing in the
+columns that they lack, and get those from the driver that goes on with them.
 """
 
 import json
@@ -29,8 +32,10 @@ from drake_gait.errors import StudyError
 from drake_gait.lock import driver_lock
 from drake_gait.records import COLUMNS, CONFIRMATIONS, NAMES, StudyWalk, from_row, to_row
 
-SCHEMA = 2
-
+SCHEMA = 3
+_OLDEST = 2
+_SINCE_OLDEST = frozenset({"peak_ground_reaction"})
+"""Columns that a study of an older schema may lack."""
 
 _WORDS = {"study.question", "box.chosen"}
 """Settings that change no walk: a study goes on when somebody mends their wording."""
@@ -38,6 +43,12 @@ _WORDS = {"study.question", "box.chosen"}
 _BUDGET = "search.simulations"
 """The setting that may change in a study: its walks are the same, there are more or fewer."""
 
+_KINDS = {
+    # No whole number stands for none.
+    name: "real" if kind == "integer" and not constraints else kind
+    for name, kind, *constraints in map(str.split, COLUMNS)
+}
+"""What a column's array holds."""
 _DTYPES = {"integer": np.int64, "real": np.float64, "text": np.str_}
 _MISSING = {"real": np.nan, "text": ""}
 
@@ -98,8 +109,13 @@ class Study:
             cleanup.callback(connection.close)
             study = cls(path, connection, lock)
             found = study.description().get("schema")
-            if found != SCHEMA:
-                raise StudyError(f"{path} has schema {found}; this version reads schema {SCHEMA}")
+            if not isinstance(found, int) or not _OLDEST <= found <= SCHEMA:
+                raise StudyError(
+                    f"{path} has schema {found}; this version reads schemas {_OLDEST} to {SCHEMA}: "
+                    "install the one that made it, or give another folder"
+                )
+            if lock:
+                study._make_ready(found)
             cleanup.pop_all()
         return study
 
@@ -120,6 +136,24 @@ class Study:
         with _reporting(self.path):
             rows = self._connection.execute("select key, value from study").fetchall()
         return {key: json.loads(value) for key, value in rows}
+
+    def _make_ready(self, schema: int) -> None:
+        """Prepare the file for a driver: a write-ahead log, and the columns of this schema."""
+        with _reporting(self.path), self._connection as connection:
+            connection.execute("pragma journal_mode = wal")
+            if schema == SCHEMA:
+                return
+            connection.execute("begin")
+            for name in self._lacking():
+                connection.execute(f"alter table walks add column {name} real")
+            connection.execute(
+                "update study set value = ? where key = 'schema'", (json.dumps(SCHEMA),)
+            )
+
+    def _lacking(self) -> frozenset[str]:
+        """Columns that have come since the file was made."""
+        found = self._connection.execute("select name from pragma_table_info('walks')")
+        return _SINCE_OLDEST - {name for (name,) in found}
 
     def require(self, wanted: Mapping[str, Any]) -> None:
         """Refuse to go on where the study was made with something else than `wanted`.
@@ -190,13 +224,17 @@ class Study:
         """
         row = to_row(entry)
         with _reporting(self.path), self._connection:
-            self._connection.execute(f"insert into walks values ({', '.join('?' * len(row))})", row)
+            self._connection.execute(
+                f"insert into walks ({', '.join(NAMES)}) values ({', '.join('?' * len(row))})", row
+            )
 
     def rows(self) -> tuple[list[str], list[tuple[Any, ...]]]:
         """Names of all columns, and all walks so far, one tuple each, in the order of their ids."""
         with _reporting(self.path):
-            cursor = self._connection.execute("select * from walks order by id")
-            return [column[0] for column in cursor.description], cursor.fetchall()
+            lacking = self._lacking()
+            columns = (f"null as {name}" if name in lacking else name for name in NAMES)
+            found = self._connection.execute(f"select {', '.join(columns)} from walks order by id")
+            return list(NAMES), found.fetchall()
 
     def table(self) -> dict[str, NDArray[Any]]:
         """All walks so far, in the order of their ids: `pandas.DataFrame(study.table())`.
@@ -207,25 +245,15 @@ class Study:
             of docs/studies.md.
         """
         names, rows = self.rows()
-        with _reporting(self.path):
-            info = self._connection.execute("pragma table_info(walks)").fetchall()
-        # No whole number stands for none.
-        kinds = {
-            name: "real" if kind.lower() == "integer" and not (filled or key) else kind.lower()
-            for _, name, kind, filled, _, key in info
-        }
         columns = zip(*rows, strict=True) if rows else [()] * len(names)
         return {
-            name: _column(values, kinds[name]) for name, values in zip(names, columns, strict=True)
+            name: _column(values, _KINDS[name]) for name, values in zip(names, columns, strict=True)
         }
 
     def walks(self) -> list[StudyWalk]:
         """All walks so far, in the order of their ids."""
-        with _reporting(self.path):
-            rows = self._connection.execute(
-                f"select {', '.join(NAMES)} from walks order by id"
-            ).fetchall()
-        return [from_row(dict(zip(NAMES, row, strict=True))) for row in rows]
+        names, rows = self.rows()
+        return [from_row(dict(zip(names, row, strict=True))) for row in rows]
 
 
 def study_file(path: str | Path) -> Path:
@@ -261,12 +289,16 @@ _NO_STUDY = (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_ERROR
 
 
 def _connect(path: Path, mode: str) -> sqlite3.Connection:
-    if mode == "ro" and not os.access(path.parent, os.W_OK) and not _log(path).exists():
-        # Beside a closed study a reader makes a log of its own; where it cannot, none is needed.
-        mode = "ro&immutable=1"
+    reads = mode == "ro"
+    if reads and os.access(path.parent, os.W_OK):
+        mode = "rw"  # Its log is made beside a closed study, and who only reads leaves it there.
+    elif reads and not _log(path).exists():
+        mode = "ro&immutable=1"  # No log can be made there, and none is needed.
     with _reporting(path):
         connection = sqlite3.connect(f"{path.resolve().as_uri()}?mode={mode}", uri=True)
         connection.execute("pragma synchronous = normal")
+        if reads:
+            connection.execute("pragma query_only = on")
     return connection
 
 
@@ -281,7 +313,8 @@ def _write_empty(path: Path, description: Mapping[str, Any]) -> None:
     try:
         beginning.unlink(missing_ok=True)
         with _reporting(path), closing(_connect(beginning, "rwc")) as connection:
-            connection.execute("pragma journal_mode = wal")
+            # A log of its own could outlive it, and be taken for that of the next beginning.
+            connection.execute("pragma journal_mode = off")
             with connection:
                 connection.execute("create table study (key text primary key, value text)")
                 connection.execute(f"create table walks ({', '.join(COLUMNS)})")

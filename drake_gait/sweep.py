@@ -18,10 +18,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from drake_gait.interruption import ctrl_c_ends_at_once, exit_status, leave, sigterm_interrupts
+
+if __name__ == "__main__":
+    ctrl_c_ends_at_once()  # Before the slow imports.
+
 from drake_gait import study_figures, sweep_figures
 from drake_gait.errors import GaitError, StudyError
 from drake_gait.foot_grid import run_grid
-from drake_gait.interruption import exit_status, leave, sigterm_interrupts
 from drake_gait.study import is_finished
 from drake_gait.sweep_plan import PlannedStudy, Sweep, read_sweep
 from drake_gait.sweep_results import (

@@ -48,6 +48,50 @@ def test_sigterm_means_afterwards_what_it_meant_before():
     assert heard == ["SIGTERM"]
 
 
+LOADING = """
+import os, signal, time
+from drake_gait.interruption import ctrl_c_ends_at_once, sigterm_interrupts
+
+ctrl_c_ends_at_once()
+try:
+    with sigterm_interrupts():
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(60.0)
+except KeyboardInterrupt:
+    print("put in order", flush=True)
+ctrl_c_ends_at_once()
+os.kill(os.getpid(), signal.SIGINT)
+print("went on")
+"""
+
+
+@pytest.mark.parametrize(
+    ("heard", "status", "text"),
+    [
+        (signal.default_int_handler, -signal.SIGINT, "put in order\n"),
+        # As in the background of a script, which has its jobs not hear it.
+        (signal.SIG_IGN, 0, "went on\n"),
+    ],
+)
+def test_ctrl_c_ends_a_command_without_a_word_until_it_begins_its_work(heard, status, text):
+    slept = LOADING if heard is not signal.SIG_IGN else LOADING.replace("60.0", "0.0")
+    ended = subprocess.run(
+        [sys.executable, "-c", slept],
+        check=False,
+        capture_output=True,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, heard),
+    )
+    assert (ended.returncode, ended.stdout, ended.stderr) == (status, text, "")
+
+
+def test_a_search_hears_ctrl_c_as_it_did_before_where_nothing_was_changed():
+    before = signal.getsignal(signal.SIGINT)
+    with sigterm_interrupts():
+        assert signal.getsignal(signal.SIGINT) is before
+    assert signal.getsignal(signal.SIGINT) is before
+
+
 LEAVING = """
 import atexit, sys
 from drake_gait.interruption import leave

@@ -7,7 +7,7 @@ import pytest
 
 from drake_gait.errors import SettingsError
 from drake_gait.settings import _KEYS, default_study, read_override, read_study
-from drake_gait.store import Study
+from drake_gait.store import SCHEMA, Study
 from drake_gait.walk import _CAUSES
 
 WORDS = ("required", "empty", "none")
@@ -101,6 +101,15 @@ def test_the_page_has_every_column_of_the_study_file(page, study, entry, tmp_pat
         if name not in named and name.split("_")[0] not in gait | {"predicted"}
     }
     assert not missing
+    told = re.findall(
+        r"`(\w+)`",
+        "".join(re.findall(r"^\| (`.*?) \|", page.split("| columns |")[1].split("\n\n")[0], re.M)),
+    )
+    assert set(told) - {"roll_a", "ankle_d"} <= set(columns)
+
+
+def test_the_page_is_of_the_schema_that_is_written(page):
+    assert f"this is schema {SCHEMA}." in page
 
 
 def test_the_causes_of_failures_on_the_page_are_those_that_are_counted(page):
