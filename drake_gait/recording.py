@@ -107,7 +107,7 @@ def record_gallery(exhibits: Sequence[Exhibit], path: Path, *, caption: str = ""
         meshcat.SetTransform(lane, RigidTransform(offset))
         lower, upper = lower + offset[:2], upper + offset[:2]
         middle = (lower[1] + upper[1]) / 2.0
-        labels.append({"text": exhibit.label, "at": [float(lower[0]), float(middle), 0.0]})
+        labels.append({"text": exhibit.label, "at": [float(upper[0]), float(middle), 0.0]})
         corners += [lower, upper]
         near = float(upper[1])
     low, high = np.min(corners, axis=0), np.max(corners, axis=0)

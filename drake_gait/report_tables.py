@@ -29,6 +29,8 @@ _FOOT_UNITS = {
     "N·m·s/rad": (1.0, "N·m·s/rad"),
 }
 
+_NOT_FINER = 6  # columns of a finalist's table, from the first, of walks that are not finer
+
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
@@ -109,17 +111,23 @@ def finalists(result: Mapping[str, Any], *, dropped: bool = False) -> Table | No
             number(finer.get("lateral_mm"), 1), number(finer.get("yaw_deg"), 1),
             "–" if finer.get("feasible") is None else "yes" if finer["feasible"] else "no",
         ])  # fmt: skip
+    columns = ["walk", "Z alone [mm]", "median Z [mm]", "worst Z [mm]", "on its feet", "feasible",
+               "finer: it", "Z [mm]", "X [mm]", "R [deg]", "feasible there"]  # fmt: skip
+    if dropped:  # None of these was walked any finer.
+        return Table(
+            caption="Dropped when too few were feasible, or all walks were used: with noise on "
+            "every coefficient and other friction",
+            columns=columns[:_NOT_FINER],
+            rows=[row[:_NOT_FINER] for row in rows],
+        )
     walks = [entry["walk"] for entry in found]
-    title = "The finalists, walked again"
-    if dropped:
-        title = "Dropped when too few were feasible, or all walks were used"
     return Table(
-        caption=f"{title}: with noise on every coefficient and other friction, and finer",
-        columns=["walk", "Z alone [mm]", "median Z [mm]", "worst Z [mm]", "on its feet", "feasible",
-                 "finer: it", "Z [mm]", "X [mm]", "R [deg]", "feasible there"],
+        caption="The finalists, walked again: with noise on every coefficient and other friction, "
+        "and finer",
+        columns=columns,
         rows=rows,
         marked=walks.index(winner) if winner in walks else None,
-    )  # fmt: skip
+    )
 
 
 def manner_of_finalists(result: Mapping[str, Any]) -> Table | None:

@@ -192,3 +192,37 @@ def test_the_whole_floor_is_seen_above_the_panel(
     assert across.max() <= width
     assert down.min() >= 0
     assert down.max() <= panel["y"]
+
+
+@pytest.mark.slow
+@in_a_browser
+@pytest.mark.parametrize(("width", "height"), [(1280, 800), (390, 844)], ids=["desk", "phone"])
+def test_the_names_in_a_gallery_hide_neither_each_other_nor_a_robot_at_the_start(
+    walk: Walk, candidate: Candidate, tmp_path: Path, width: int, height: int
+) -> None:
+    path = tmp_path / "gallery.html"
+    names = ["seed 0, walk 97: 305.0 mm", "seed 1, walk 131: 297.4 mm", "seed 2, walk 7: 30.0 mm"]
+    record_gallery([Exhibit(walk=walk, candidate=candidate, label=name) for name in names], path)
+    with opened(f"{address(path)}#t=0", width=width, height=height) as seen:
+        seen.page.wait_for_function(f"{PLAYS} && {RESTS}", timeout=60_000)
+        boxes = [label.bounding_box() for label in seen.page.locator(".walk-label").all()]
+        robots = seen.page.evaluate(
+            """() => {
+                const heads = [];
+                viewer.scene.traverse(object => {
+                    if (object.name !== "torso") return;
+                    const [x, y, z] = object.matrixWorld.elements.slice(12, 15);
+                    const seen = viewer.camera.position.clone().set(x, y, z);
+                    heads.push((1 + seen.project(viewer.camera).x) / 2 * innerWidth);
+                });
+                return heads;
+            }"""
+        )
+    assert len(boxes) == len(robots) == len(names)
+    for (nearer, box), robot in zip(enumerate(boxes), robots, strict=True):
+        assert box is not None
+        assert robot < box["x"]
+        assert box["x"] + box["width"] <= width
+        for other in boxes[:nearer]:
+            assert other is not None
+            assert box["y"] + box["height"] <= other["y"]

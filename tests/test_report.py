@@ -239,6 +239,15 @@ def test_a_report_fits_a_phone_and_takes_the_colours_of_its_reader(finished_run,
         assert seen.page.evaluate("document.documentElement.scrollWidth") <= 390
         corner = seen.shot(x=0, y=200, width=8, height=8)
         assert (corner.mean() > 0.9) == (scheme == "light")
+        # Each number within its tile, and of each table the words above it within the page.
+        inside = "nodes => nodes.every(node => node.scrollWidth <= node.clientWidth)"
+        assert seen.page.eval_on_selector_all(".tiles div", inside)
+        words = "nodes => Math.max(...nodes.map(node => node.getBoundingClientRect().right))"
+        assert seen.page.eval_on_selector_all("caption span", words) <= 390
+        # The robot's legs are black; they do not stand on black.
+        behind = "node => getComputedStyle(node).backgroundColor"
+        shown = seen.page.eval_on_selector(".portrait", behind)
+        assert (shown == "rgba(0, 0, 0, 0)") == (scheme == "light")
 
 
 @pytest.mark.slow

@@ -73,7 +73,8 @@ def test_finalists_are_listed_and_the_winner_is_marked():
     dropped = report_tables.finalists(result, dropped=True)
     assert [row[0] for row in dropped.rows] == ["4"]
     assert dropped.marked is None
-    assert list(dropped.rows[0][4:]) == ["2 of 2", "0 of 2", *["–"] * 5]
+    assert list(dropped.rows[0][4:]) == ["2 of 2", "0 of 2"]  # no columns of a finer walk
+    assert len(dropped.columns) == len(dropped.rows[0])
 
 
 def test_without_a_winner_none_is_marked_and_without_finalists_there_is_no_table():
