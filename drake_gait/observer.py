@@ -67,39 +67,38 @@ class Observer:
             for geometry in plant.GetCollisionGeometriesForBody(body)
         }
         self._frames: list[dict[str, FloatArray]] = []
-        self._last: tuple[float, FloatArray, float, FloatArray] | None = None
+        self._last: tuple[float, FloatArray, FloatArray] | None = None
         self._positive, self._absolute, self._saturated = 0.0, 0.0, 0.0
         self._peak_torque, self._peak_speed = 0.0, 0.0
         self._slip: FloatArray = np.zeros(2)
-        self._impulse, self._peak_impulse = 0.0, 0.0
+        self._rising: list[float] = []  # Vertical speed of the centre of mass at the frames [m/s].
 
     def monitor(self, context: Context) -> EventStatus:
         """Sum work, slip and peaks over one step of the integrator (trapezoidal rule)."""
         plant_context = self._copy(context)
         controller, speeds, torques = self._servos(plant_context)
         power = torques * speeds
-        load, sliding = self._loads(plant_context)
+        sliding = self._sliding_speeds(plant_context)
         time = context.get_time()
         if self._last is not None:
-            before, last_power, last_load, last_sliding = self._last
+            before, last_power, last_sliding = self._last
             step = time - before
             self._positive += 0.5 * step * np.maximum([power, last_power], 0.0).sum()
             self._absolute += 0.5 * step * np.abs([power, last_power]).sum()
             self._slip += 0.5 * step * (sliding + last_sliding)
-            self._impulse += 0.5 * step * (load + last_load)
             self._saturated += step * float(np.mean(np.abs(controller) > _SATURATED * self._stall))
-        self._last = time, power, load, sliding
+        self._last = time, power, sliding
         self._peak_torque = max(self._peak_torque, float(np.abs(torques).max()))
         self._peak_speed = max(self._peak_speed, float(np.abs(speeds).max()))
         return EventStatus.DidNothing()
 
     def record(self, context: Context) -> None:
         """Take one frame from the diagram's context."""
-        self._peak_impulse = max(self._peak_impulse, self._impulse)
-        self._impulse = 0.0
         plant, plant_context = self._robot.plant, self._copy(context)
         positions = plant.GetPositions(plant_context)
         _, speeds, torques = self._servos(plant_context)
+        v_WC = plant.CalcCenterOfMassTranslationalVelocityInWorld(plant_context)
+        self._rising.append(float(v_WC[2]))
         X_WT = plant.EvalBodyPoseInWorld(plant_context, self._torso)
         poses = (plant.EvalBodyPoseInWorld(plant_context, ankle) for ankle in self._ankles)
         self._frames.append(
@@ -152,7 +151,9 @@ class Observer:
                 swing_clearance(history.sole_height[:, 1], loaded[:, 1]),
             ),
             duty_factor=(float(duty[0]), float(duty[1])),
-            peak_ground_reaction=float(self._peak_impulse / (weight * FRAME_TIME)),
+            # By momentum: forces read from a state that ends a step are not those of the step.
+            peak_ground_reaction=1.0
+            + float(np.diff(self._rising).max(initial=0.0)) / (gravity * FRAME_TIME),
             toe_range=tuple(history.toes.max(axis=0).tolist()),
             yaw_swing=float(np.ptp(history.torso[:, 5])),
             torso_tilt=float(tilt.max()),
@@ -198,20 +199,16 @@ class Observer:
                 forces[self._geometries[surface.id_N()][0]] -= force_on_m
         return forces
 
-    def _loads(self, plant_context: Context) -> tuple[float, FloatArray]:
-        """Vertical force of the ground [N], and how fast each foot slides [m/s], shape (2,).
-
-        A foot slides as its most loaded patch does.
-        """
+    def _sliding_speeds(self, plant_context: Context) -> FloatArray:
+        """Speed over the ground of the most loaded patch of each foot [m/s], shape (2,)."""
         plant = self._robot.plant
-        total, speeds, loads = 0.0, np.zeros(2), np.full(2, LOADED)
+        speeds, loads = np.zeros(2), np.full(2, LOADED)
         contacts = self._contacts(plant_context)
         for index in range(contacts.num_hydroelastic_contacts()):
             contact = contacts.hydroelastic_contact_info(index)
             surface = contact.contact_surface()
             found = self._geometries.get(surface.id_M()) or self._geometries.get(surface.id_N())
             load = abs(contact.F_Ac_W().translational()[2])
-            total += load
             if found is None or load <= loads[found[0]]:
                 continue
             foot, body = found
@@ -220,7 +217,7 @@ class Observer:
             arm = cast(Any, cast(FloatArray, surface.centroid()) - p_WB)
             v_WP = velocity.Shift(arm).translational()
             speeds[foot], loads[foot] = np.hypot(v_WP[0], v_WP[1]), load
-        return total, speeds
+        return speeds
 
     def _sole_heights(self, plant_context: Context) -> FloatArray:
         """Height of the lowest corner of each foot [m], shape (2,)."""
