@@ -19,6 +19,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any
 
 from drake_gait.errors import WorkerError
@@ -33,7 +34,9 @@ _WALKS_PER_PROCESS = 120
 _START_LIMIT = 300.0  # To import Drake from the network disk of a busy cluster [s].
 _STARTS = 5  # Some other cause than a stray kill when so many in a row fail.
 _IDLE_LIMIT = 600.0  # After so long without a walk a process gives back its memory [s].
+_LOOKING = 1.0  # How often to look whether a process hangs [s].
 _GRACE = 10.0  # How long after its driver a process ends a walk that hangs by itself [s].
+_AT_LAST = 20  # As many times longer it may take on the clock.
 
 # Two cores run two walks faster than two walks that each want two threads.
 _ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
@@ -43,12 +46,35 @@ class WorkerDiedError(Exception):
     """A process died in the midst of a walk; the text says how."""
 
 
+@dataclass(kw_only=True)
+class Vigil:
+    """Tells whether a process hangs, which is not that a busy machine lets it wait.
+
+    Asked again and again, with what it has computed [s] and the time [s].
+    """
+
+    limit: float
+    """What it may compute, and how long it may stand still [s]."""
+    _first: float | None = None
+    _last: float = 0.0
+    _moved: float = 0.0
+
+    def __call__(self, computed: float, now: float) -> bool:
+        """Whether it has computed, or stood still, for its limit since it was first asked."""
+        if self._first is None:
+            self._first, self._last, self._moved = computed, computed, now
+        if computed > self._last:
+            self._last, self._moved = computed, now
+        return computed - self._first >= self.limit or now - self._moved >= self.limit
+
+
 class WorkerProcess:
     """A process that is started when it is needed, and replaced when it died, hung or is old.
 
     Args:
         function: What it runs, pickled: importable by its name, or a functools.partial of such.
-        time_limit: Wall-clock time after which a walk is given up and the process replaced [s].
+        time_limit: Computing time after which a walk is given up and the process replaced, or
+            time on the clock in which it has computed nothing [s].
     """
 
     def __init__(self, function: bytes, *, time_limit: float) -> None:
@@ -72,7 +98,7 @@ class WorkerProcess:
         self._walks += 1
         try:
             connection.send(trial)
-            if not connection.poll(self._time_limit):
+            if not self._answers(connection):
                 self.close()
                 reason = f"gave no sign for {self._time_limit:g} s"
                 return Walk.diverged(reason), self._time_limit
@@ -81,6 +107,25 @@ class WorkerProcess:
             raise WorkerDiedError(f"its process died with {self.close()}") from None
         walk, seconds = answer.value()
         return walk, seconds
+
+    def _answers(self, connection: "Connection[Any, Any]") -> bool:
+        """Wait for an answer of the process; False if it hangs."""
+        hangs = Vigil(limit=self._time_limit)
+        hangs(self._computing_time(), time.monotonic())
+        while not connection.poll(min(_LOOKING, self._time_limit)):
+            if hangs(self._computing_time(), time.monotonic()):
+                return False
+        return True
+
+    def _computing_time(self) -> float:
+        """What the process has computed in all its life [s]; 0 where it cannot be told."""
+        try:
+            stat = Path(f"/proc/{self._process.pid}/stat").read_text() if self._process else ""
+        except OSError:
+            stat = ""
+        # After the name, in brackets: user and system time are the 12th and 13th (proc(5)).
+        ticks = stat.rpartition(")")[2].split()[11:13]
+        return sum(map(int, ticks)) / os.sysconf("SC_CLK_TCK")
 
     def stop(self) -> None:
         """Kill the process, whatever it does, and start no other; for another thread to call."""
@@ -182,7 +227,7 @@ def serve(descriptor: int, longest: float) -> None:
 
     Args:
         descriptor: File descriptor of its end of the pipe.
-        longest: Time after which a walk is ended by the system, driver or not [s].
+        longest: Computing time after which a walk is ended by the system, driver or not [s].
     """
     connection: Connection[Any, Any] = Connection(descriptor)
     threading.Thread(target=_end_with_driver, args=(descriptor,), daemon=True).start()
@@ -201,9 +246,11 @@ def serve(descriptor: int, longest: float) -> None:
         connection.send(_answer(load, connection.recv_bytes()))
         while connection.poll(_IDLE_LIMIT):
             trial = connection.recv()
-            # Its default action needs no Python, which may be what hangs.
-            signal.setitimer(signal.ITIMER_REAL, longest)
+            # Their default action needs no Python, which may be what hangs.
+            signal.setitimer(signal.ITIMER_PROF, longest)
+            signal.setitimer(signal.ITIMER_REAL, _AT_LAST * longest)
             answer = _answer(timed, trial)
+            signal.setitimer(signal.ITIMER_PROF, 0.0)
             signal.setitimer(signal.ITIMER_REAL, 0.0)
             connection.send(answer)
 

@@ -110,7 +110,8 @@ class LocalProcesses(RemoteWorkers):
     Args:
         walk: What a worker runs, importable by its name (or a functools.partial of such).
         count: Number of processes.
-        time_limit: Wall-clock time after which a walk is given up and its process replaced [s].
+        time_limit: Computing time, or standing still, after which a walk is given up and its
+            process replaced [s].
     """
 
     def __init__(self, walk: WalkFunction, *, count: int, time_limit: float = 120.0) -> None:

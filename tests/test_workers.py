@@ -4,7 +4,6 @@ import ctypes
 import dataclasses
 import functools
 import os
-import pickle
 import signal
 import subprocess
 import sys
@@ -14,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drake_gait.errors import GaitError, ModelError, SettingsError, WorkerError
+from drake_gait.errors import ModelError, SettingsError, WorkerError
 from drake_gait.gait import Gait
 from drake_gait.problem import Candidate
 from drake_gait.walk import Outcome, Walk
@@ -329,26 +328,6 @@ def test_workers_that_cannot_start_are_an_error_and_no_walks_that_diverged():
         run(ForeignToLoad(), 2)
 
 
-class HomelyError(Exception):
-    def __init__(self, one, two):
-        super().__init__(f"{one} and {two}")
-
-
-def err_strangely():
-    raise HomelyError("this", "that")
-
-
-def test_an_error_that_cannot_be_pickled_still_says_what_it_was():
-    with pytest.raises(RuntimeError, match=r"(?s)err_strangely.*this and that"):
-        run(functools.partial(stride_or, err_strangely, (0,)), 1)
-
-
-def test_an_error_in_a_worker_tells_where_it_was_raised():
-    with pytest.raises(ZeroDivisionError) as caught:
-        run(functools.partial(stride_or, err, (0,)), 1)
-    assert "in err" in "".join(caught.value.__notes__)
-
-
 DRIVER = """
 import sys
 sys.path.insert(0, sys.argv[1])
@@ -397,18 +376,16 @@ def wait_for_end_of(processes):
 
 
 def is_running(process):
-    state = Path(f"/proc/{process}/stat")
-    return state.exists() and state.read_text().rpartition(")")[2].split()[0] != "Z"
+    folder = Path(f"/proc/{process}")
+    try:
+        ended = (folder / "stat").read_text().rpartition(")")[2].split()[0] == "Z"
+        # Its first thread may have ended before the others.
+        return not ended or len(list((folder / "task").iterdir())) > 1
+    except (FileNotFoundError, ProcessLookupError):
+        return False
 
 
 @pytest.mark.parametrize("count", [0, -1])
 def test_no_workers_are_refused(count):
     with pytest.raises(SettingsError, match=rf"workers must be >= 1, got {count}"):
         LocalProcesses(stride, count=count)
-
-
-@pytest.mark.parametrize("error", GaitError.__subclasses__())
-def test_every_error_of_the_library_survives_the_way_from_another_process(error):
-    again = pickle.loads(pickle.dumps(error("what was wanted, what came")))
-    assert type(again) is error
-    assert str(again) == "what was wanted, what came"
