@@ -7,13 +7,13 @@ exported as well.
 
 import argparse
 import csv
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import IO
 
 from drake_gait.errors import GaitError, StudyError
+from drake_gait.interruption import forget_pipe
 from drake_gait.store import Study
 
 
@@ -39,8 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 2
     except BrokenPipeError:
-        # Who reads has seen enough. Python is not to complain when it closes the pipe either.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        forget_pipe()
     return 0
 
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from drake_gait.errors import GaitError, StudyError
+from drake_gait.interruption import forget_pipe
 from drake_gait.standing import Standing, standing, studies_in
 
 _WIDEST = 48  # Of a value in a table [characters]; --json has all of it.
@@ -30,7 +31,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except GaitError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    print(json.dumps(plain, indent=2) if options.json else text)
+    try:
+        print(json.dumps(plain, indent=2) if options.json else text, flush=True)
+    except BrokenPipeError:
+        forget_pipe()
     return 0
 
 

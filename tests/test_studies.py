@@ -3,6 +3,8 @@
 import dataclasses
 import json
 import sqlite3
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -240,3 +242,12 @@ def test_the_help_names_the_commands(capsys):
     assert ended.value.code == 0
     text = capsys.readouterr().out
     assert all(name in text for name in ("list", "show", "compare", "--json"))
+
+
+def test_a_reader_who_has_seen_enough_is_no_error(make, tmp_path):
+    make().close()
+    command = [sys.executable, "-m", "drake_gait.studies", "list", str(tmp_path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.close()
+        told = process.stderr.read()
+    assert (process.returncode, told) == (0, b"")
