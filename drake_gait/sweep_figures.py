@@ -43,7 +43,7 @@ def variants(forward_mm: Mapping[str, Sequence[float]], path: Path) -> None:
         )
         axes.set_ylim(0.0, 1.08 * furthest or 1.0)
         axes.grid(visible=False, axis="x")
-        axes.set_ylabel("distance of the best feasible walk [mm]")
+        axes.set_ylabel("best feasible walk [mm]")
         figure.legend(loc="outside lower center", ncols=2)
         save_figure(figure, path)
 
