@@ -14,6 +14,8 @@ from playwright.sync_api import Page, sync_playwright
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
+PATIENCE = 600_000  # on a busy machine a page may take minutes to be drawn [ms]
+
 in_a_browser = pytest.mark.skipif(CHROMIUM is None, reason="needs chromium on the PATH")
 
 
@@ -39,10 +41,13 @@ def opened(
     """A page in Chromium."""
     with sync_playwright() as playwright:
         arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=arguments)
+        browser = playwright.chromium.launch(
+            executable_path=CHROMIUM, args=arguments, timeout=PATIENCE
+        )
         context = browser.new_context(
             offline=offline, viewport={"width": width, "height": height}, color_scheme=scheme
         )
+        context.set_default_timeout(PATIENCE)
         seen = Opened(context.new_page())
         seen.page.on("console", lambda message: seen.complaints.append(message.text))
         seen.page.on("pageerror", lambda error: seen.complaints.append(str(error)))

@@ -184,7 +184,7 @@ def test_a_walk_is_seen_in_a_browser_while_it_is_simulated(run):
                 });
                 return found;
             }"""
-            seen.page.wait_for_function(f"window.viewer && ({torso})() !== null", timeout=60_000)
+            seen.page.wait_for_function(f"window.viewer && ({torso})() !== null")
             result = process.stdout.readline()
             seen.page.wait_for_timeout(300)
             ended = 1e3 * seen.page.evaluate(torso)  # it begins above the origin
