@@ -6,8 +6,8 @@ doi:10.6084/m9.figshare.5722711.v5, described in PeerJ 6:e4640 (2018).
 Its licence is CC BY 4.0, https://creativecommons.org/licenses/by/4.0/. Changed: of the 24 young
 adults, on a treadmill at the speed that each finds comfortable, 1.24 m/s in the mean, each person's
 legs are averaged, then mean and standard deviation are taken over the persons, in steps of
-0.1 degrees, at every 4 % of the cycle. The reduction of the raw files is that of the public repository
-VIONWILLIAMS/EXO-Forge-Studio; it was compared with another one, and not made again from the files.
+0.1 degrees, at every 4 % of the cycle. The raw files were reduced so by the
+public repository VIONWILLIAMS/EXO-Forge-Studio; its means were compared with another reduction.
 """
 
 import numpy as np
