@@ -25,6 +25,14 @@ hypothesis_settings.register_profile("laws", deadline=None, max_examples=40)
 hypothesis_settings.load_profile("laws")
 
 
+DESCRIPTION = {
+    "settings": {"study.seed": 0, "search.samples": 20, "walk.model": "khr3hv.sdf"},
+    "model_sha256": "abc",
+    "versions": {"drake": "1.51"},
+}
+"""What a study's file says of a study, as far as the file cares."""
+
+
 def texts(svg: Path) -> list[str]:
     """Every piece of text in a drawing."""
     root = ElementTree.parse(svg).getroot()
@@ -206,6 +214,15 @@ def entry(walked: Walk) -> StudyWalk:
         predicted={"forward": 1 / 7, "lateral": -1 / 9, "yaw": 1 / 11, "survival": 1 / 3},
         seconds=1 / 13,
     )
+
+
+@pytest.fixture
+def closed(path, entry):
+    """Path of a study of 200 walks that no process has open."""
+    with Study.create(path, DESCRIPTION) as study:
+        for number in range(200):
+            study.add(dataclasses.replace(entry, id=number))
+    return path
 
 
 @pytest.fixture(scope="session")

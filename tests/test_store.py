@@ -7,17 +7,12 @@ import sys
 
 import numpy as np
 import pytest
+from conftest import DESCRIPTION
 
 from drake_gait.errors import StudyError
 from drake_gait.foot import FootDesign
 from drake_gait.store import SCHEMA, Study
 from drake_gait.walk import Outcome, Walk
-
-DESCRIPTION = {
-    "settings": {"study.seed": 0, "search.samples": 20, "walk.model": "khr3hv.sdf"},
-    "model_sha256": "abc",
-    "versions": {"drake": "1.51"},
-}
 
 
 @pytest.fixture
@@ -29,15 +24,6 @@ def path(tmp_path):
 def study(path):
     with Study.create(path, DESCRIPTION) as study:
         yield study
-
-
-@pytest.fixture
-def closed(path, entry):
-    """Path of a study of 200 walks that no process has open."""
-    with Study.create(path, DESCRIPTION) as study:
-        for number in range(200):
-            study.add(dataclasses.replace(entry, id=number))
-    return path
 
 
 def test_rigid_toes_return_as_they_were(study, path, entry):

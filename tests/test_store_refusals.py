@@ -8,15 +8,10 @@ import tempfile
 from pathlib import Path
 
 import pytest
+from conftest import DESCRIPTION
 
 from drake_gait.errors import StudyError
 from drake_gait.store import SCHEMA, Study
-
-DESCRIPTION = {
-    "settings": {"study.seed": 0, "search.samples": 20, "walk.model": "khr3hv.sdf"},
-    "model_sha256": "abc",
-    "versions": {"drake": "1.51"},
-}
 
 
 @pytest.fixture
@@ -28,15 +23,6 @@ def path(tmp_path):
 def study(path):
     with Study.create(path, DESCRIPTION) as study:
         yield study
-
-
-@pytest.fixture
-def closed(path, entry):
-    """Path of a study of 200 walks that no process has open."""
-    with Study.create(path, DESCRIPTION) as study:
-        for number in range(200):
-            study.add(dataclasses.replace(entry, id=number))
-    return path
 
 
 def test_a_study_is_not_started_over_another(closed):

@@ -10,30 +10,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import DESCRIPTION
 
 from drake_gait.errors import StudyError
 from drake_gait.records import COLUMNS
 from drake_gait.store import SCHEMA, Study
 
-DESCRIPTION = {
-    "settings": {"study.seed": 0, "search.samples": 20, "walk.model": "khr3hv.sdf"},
-    "model_sha256": "abc",
-    "versions": {"drake": "1.51"},
-}
-
 
 @pytest.fixture
 def path(tmp_path):
     return tmp_path / "runs" / "paper" / "study.db"
-
-
-@pytest.fixture
-def closed(path, entry):
-    """Path of a study of 200 walks that no process has open."""
-    with Study.create(path, DESCRIPTION) as study:
-        for number in range(200):
-            study.add(dataclasses.replace(entry, id=number))
-    return path
 
 
 def test_a_full_disk_is_told_in_one_line_and_loses_nothing(closed, entry):
