@@ -23,7 +23,7 @@ REFERENCE = -1
 """Variation number of a walk at reference fidelity."""
 _IN_TURN = 4
 """Candidates that are walked again side by side: workers are to have enough to do."""
-SLIPPING = 0.1
+_SLIPPING = 0.1
 """A walk that slips by more than this part of its distance is a shuffle."""
 _LOOKED_AT = 12
 """Feasible walks, the best first, that are looked at for one that does not slip."""
@@ -63,7 +63,7 @@ class Finalist:
         """Whether it advances by sliding; None where that was not measured."""
         if self.measured is None or self.measured.walk.measures is None:
             return None
-        return max(self.measured.walk.measures.slip) > SLIPPING * self.walk.walk.forward
+        return shuffles(self.measured.walk.measures.slip, self.walk.walk.forward)
 
     @property
     def _distances(self) -> list[float]:
@@ -114,6 +114,11 @@ def walked_as(settings: StudySettings, walk: StudyWalk) -> WalkSettings:
     if walk.stage == STAGE:
         variation = _after_replicas(settings, variation)
     return on_other_ground(settings.walk, settings, variation)
+
+
+def shuffles(slip: Sequence[float], forward: float) -> bool:
+    """Whether a walk of this length advances by sliding, from the slip of each sole [m]."""
+    return max(slip) > _SLIPPING * forward
 
 
 def measured(walks: Sequence[StudyWalk]) -> dict[int, Measures]:

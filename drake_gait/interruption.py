@@ -61,14 +61,14 @@ def leave(status: int) -> NoReturn:
     sys.exit(status)
 
 
-def _raise_once(number: int, frame: FrameType | None) -> None:
-    signal.signal(number, signal.SIG_IGN)  # A second one must not break off the cleaning up.
-    raise Terminated
-
-
 def forget_pipe() -> None:
     """Go on without standard output: who reads it has seen enough, and has closed the pipe.
 
     Python would complain again when it closes its own end.
     """
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _raise_once(number: int, frame: FrameType | None) -> None:
+    signal.signal(number, signal.SIG_IGN)  # A second one must not break off the cleaning up.
+    raise Terminated

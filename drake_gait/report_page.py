@@ -20,7 +20,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from drake_gait import report_tables
-from drake_gait.confirmation import SLIPPING
+from drake_gait.confirmation import shuffles
 from drake_gait.errors import GaitError, StudyError
 from drake_gait.gait import FRAMES
 from drake_gait.records import StudyWalk
@@ -75,7 +75,7 @@ def write_study_page(run: Run, path: Path) -> None:
         ratio=number(result["forward_mm"] / PAPER_TABLE[-1][1], 1),
         degrees=math.degrees(1.0),
         shuffles=measures is not None
-        and 1e3 * max(measures["slip"]) > SLIPPING * result["forward_mm"],
+        and shuffles(measures["slip"], 1e-3 * result["forward_mm"]),
         limits={
             "lateral": number(1e3 * limits.lateral, 0),
             "yaw": number(math.degrees(limits.yaw), 0),

@@ -120,13 +120,12 @@ def finalists(result: Mapping[str, Any], *, dropped: bool = False) -> Table | No
             columns=columns[:_NOT_FINER],
             rows=[row[:_NOT_FINER] for row in rows],
         )
-    walks = [entry["walk"] for entry in found]
     return Table(
         caption="The finalists, walked again: with noise on every coefficient and other friction, "
         "and finer",
         columns=columns,
         rows=rows,
-        marked=walks.index(winner) if winner in walks else None,
+        marked=_place_of_winner(found, result),
     )
 
 
@@ -145,14 +144,12 @@ def manner_of_finalists(result: Mapping[str, Any]) -> Table | None:
             number(float(np.degrees(measures["torso_tilt"])), 0),
             number(measures["cost_of_transport"], 2),
         ])  # fmt: skip
-    walks = [entry["walk"] for entry in found]
-    winner = result.get("winner")
     return Table(
         caption="How the finalists walk: far may be slid, and swung",
         columns=["walk", "Z alone [mm]", "right sole slips [mm]", "left [mm]",
                  "heading swings [deg]", "torso leans [deg]", "cost of transport"],
         rows=rows,
-        marked=walks.index(winner) if winner in walks else None,
+        marked=_place_of_winner(found, result),
     )  # fmt: skip
 
 
@@ -178,6 +175,12 @@ def foot(design: Mapping[str, float]) -> Table:
         else:
             rows.append([words(name), "yes" if value else "no", ""])
     return Table(caption="The foot", columns=["design variable", "value", "unit"], rows=rows)
+
+
+def _place_of_winner(entries: Sequence[Mapping[str, Any]], result: Mapping[str, Any]) -> int | None:
+    walks = [entry["walk"] for entry in entries]
+    winner = result.get("winner")
+    return walks.index(winner) if winner in walks else None
 
 
 def manner(measures: Mapping[str, Any]) -> Table:

@@ -32,6 +32,7 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from soak import children
 
 from drake_gait import simulation
 from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray, Gait
@@ -266,16 +267,10 @@ def workers(candidates: list[Candidate], walk: WalkSettings, starts: int = 5) ->
     peak = 0.0
     with LocalProcesses(functools.partial(simulation.simulate, settings=walk), count=1) as one:
         for _ in one.run(candidates):
-            peak = max(peak, *map(high_water, child_processes()))
+            peak = max(peak, *map(high_water, children(os.getpid())))
     elapsed, cpu = np.median(cold, axis=0)
     print(f"\na worker starts in {elapsed:.2f} s ({cpu:.2f} CPU s, median of {starts}); "
           f"at most {peak:.0f} MB over {len(candidates)} walks", flush=True)  # fmt: skip
-
-
-def child_processes() -> list[int]:
-    """Numbers of the processes that this one started (Linux)."""
-    lists = Path("/proc/self/task").glob("*/children")
-    return [int(number) for each in lists for number in each.read_text().split()]
 
 
 def high_water(process: int) -> float:
