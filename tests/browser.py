@@ -16,6 +16,26 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
 PATIENCE = 600_000  # on a busy machine a page may take minutes to be drawn [ms]
 
+# Meshcat's page fetches each part of a scene from itself, and shows them as they come: the walk may
+# be there before the camera stands in its place. In here is counted what is still to come.
+_COUNT_PARTS = """{
+    const { fetch } = window, { arrayBuffer } = Response.prototype;
+    window.partsToCome = 0;
+    window.fetch = (...wanted) => {
+        window.partsToCome += 1;
+        return fetch(...wanted);
+    };
+    Response.prototype.arrayBuffer = function () {
+        const part = arrayBuffer.call(this);
+        part.then(() => setTimeout(() => { window.partsToCome -= 1; }));
+        return part;
+    };
+}"""
+PLAYS = (
+    "document.readyState === 'complete' && window.viewer && window.partsToCome === 0"
+    " && viewer.animator.duration > 0"
+)
+
 in_a_browser = pytest.mark.skipif(CHROMIUM is None, reason="needs chromium on the PATH")
 
 
@@ -48,6 +68,7 @@ def opened(
             offline=offline, viewport={"width": width, "height": height}, color_scheme=scheme
         )
         context.set_default_timeout(PATIENCE)
+        context.add_init_script(_COUNT_PARTS)
         seen = Opened(context.new_page())
         seen.page.on("console", lambda message: seen.complaints.append(message.text))
         seen.page.on("pageerror", lambda error: seen.complaints.append(str(error)))

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import address, in_a_browser, opened
+from browser import PLAYS, address, in_a_browser, opened
 
 from drake_gait.errors import GaitError, SettingsError
 from drake_gait.gait import Gait
@@ -120,7 +120,6 @@ def test_a_gallery_of_nothing_is_refused(tmp_path: Path) -> None:
 
 
 RESTS = "document.querySelector('#walk-panel button').textContent === 'Play'"
-PLAYS = "window.viewer && viewer.animator.duration > 0"
 MIDDLE = {"x": 0, "y": 30, "width": 1000, "height": 550}  # above the panel, where time is shown
 
 
@@ -204,9 +203,12 @@ def test_the_names_in_a_gallery_hide_neither_each_other_nor_a_robot_at_the_start
     record_gallery([Exhibit(walk=walk, candidate=candidate, label=name) for name in names], path)
     with opened(f"{address(path)}#t=0", width=1280, height=800) as seen:
         seen.page.wait_for_function(f"{PLAYS} && {RESTS}")
-        boxes = [label.bounding_box() for label in seen.page.locator(".walk-label").all()]
-        robots = seen.page.evaluate(
-            """() => {
+        boxes, robots = seen.page.evaluate(
+            """async () => {
+                const frame = () => new Promise(requestAnimationFrame);
+                await frame().then(frame);  // drawn with the last part, and the names put there
+                const boxes = [...document.querySelectorAll(".walk-label")].map(
+                    label => label.getBoundingClientRect().toJSON());
                 const heads = [];
                 viewer.scene.traverse(object => {
                     if (object.name !== "torso") return;
@@ -214,14 +216,12 @@ def test_the_names_in_a_gallery_hide_neither_each_other_nor_a_robot_at_the_start
                     const seen = viewer.camera.position.clone().set(x, y, z);
                     heads.push((1 + seen.project(viewer.camera).x) / 2 * innerWidth);
                 });
-                return heads;
+                return [boxes, heads];
             }"""
         )
     assert len(boxes) == len(robots) == len(names)
     for (nearer, box), robot in zip(enumerate(boxes), robots, strict=True):
-        assert box is not None
         assert robot < box["x"]
         assert box["x"] + box["width"] <= 1280
         for other in boxes[:nearer]:
-            assert other is not None
             assert box["y"] + box["height"] <= other["y"]

@@ -8,7 +8,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from browser import address, in_a_browser, opened
+from browser import PLAYS, address, in_a_browser, opened
 
 from drake_gait.errors import GaitError, StudyError
 from drake_gait.report import main
@@ -258,7 +258,7 @@ def test_the_recording_plays_inside_the_report(finished_run):
         seen.page.focus("#play")
         seen.page.keyboard.press("Enter")
         frame = seen.page.wait_for_selector("iframe").content_frame()
-        frame.wait_for_function("window.viewer && viewer.animator.duration > 0")
+        frame.wait_for_function(PLAYS)
         begin = frame.evaluate("viewer.animator.time")
         seen.page.wait_for_timeout(1000)
         assert frame.evaluate("viewer.animator.time") != begin
