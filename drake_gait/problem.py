@@ -153,7 +153,10 @@ def _measure_limit(name: str, value: float) -> Limit:
 
 
 OUTPUTS = ("forward", "lateral", "yaw", "com_height")
-"""What every walk has and every network predicts: Z_f, X_f [m], R_f [rad], Y_f [m]."""
+"""What every network predicts: Z_f, X_f [m], R_f [rad], Y_f [m]."""
+
+OF_EVERY_WALK = (*OUTPUTS, "yaw_swing")
+"""What every walk has, with measures or without."""
 
 
 def quantity(walk: Walk, name: str) -> float:
@@ -161,13 +164,13 @@ def quantity(walk: Walk, name: str) -> float:
 
     Args:
         walk: The walk.
-        name: One of OUTPUTS, a field of `walk.Measures`, or "transport_efficiency", the inverse of
-            the cost of transport. Of several feet or toes, the worst.
+        name: One of OF_EVERY_WALK, a field of `walk.Measures`, or "transport_efficiency", the
+            inverse of the cost of transport. Of several feet or toes, the worst.
 
     Raises:
         SettingsError: the walk was simulated without measures.
     """
-    if name in OUTPUTS:
+    if name in OF_EVERY_WALK:
         return float(getattr(walk, name))
     if walk.outcome is Outcome.DIVERGED:
         return math.nan

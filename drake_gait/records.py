@@ -76,7 +76,7 @@ def to_row(entry: StudyWalk) -> list[Any]:
         + [getattr(entry.candidate.foot, name) for name in _FOOT]
         + [walk.outcome.value, walk.reason, int(walk.steps)]
         + [float(getattr(walk, name)) for name in _WALK[1:]]
-        + _measure_values(walk.measures)
+        + _measure_values(walk)
         + [predicted.get(name) for name in _PREDICTED]
         + [float(entry.seconds), datetime.now(UTC).isoformat(timespec="milliseconds")]
     )
@@ -100,6 +100,7 @@ def from_row(row: Mapping[str, Any]) -> StudyWalk:
             outcome=Outcome(row["outcome"]),
             reason=row["reason"],
             **{name: row[name] for name in _WALK},
+            yaw_swing=_number(row, "yaw_swing"),
             measures=_measures(row),
         ),
         predicted=None if predicted["forward"] is None else predicted,
@@ -113,10 +114,11 @@ def _foot(row: Mapping[str, Any]) -> FootDesign:
     return FootDesign(**values)
 
 
-def _measure_values(measures: Measures | None) -> list[float | None]:
-    if measures is None:
-        return [None] * len(_MEASURE_NAMES)
-    values = (getattr(measures, field) for field in _MEASURES)
+def _measure_values(walk: Walk) -> list[float | None]:
+    if walk.measures is None:
+        known = {} if math.isnan(walk.yaw_swing) else {"yaw_swing": walk.yaw_swing}
+        return [known.get(name) for name in _MEASURE_NAMES]
+    values = (getattr(walk.measures, field) for field in _MEASURES)
     return [
         float(number)
         for value in values
@@ -127,12 +129,12 @@ def _measure_values(measures: Measures | None) -> list[float | None]:
 def _measures(row: Mapping[str, Any]) -> Measures | None:
     if row[_MEASURE_NAMES[0]] is None:
         return None
-
-    def number(name: str) -> float:
-        return math.nan if row[name] is None else float(row[name])  # SQLite has no NaN.
-
     values: dict[str, Any] = {
-        field: tuple(map(number, parts)) if parts else number(field)
+        field: tuple(_number(row, part) for part in parts) if parts else _number(row, field)
         for field, parts in _MEASURES.items()
     }
     return Measures(**values)
+
+
+def _number(row: Mapping[str, Any], name: str) -> float:
+    return math.nan if row[name] is None else float(row[name])  # SQLite has no NaN.

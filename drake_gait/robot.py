@@ -31,10 +31,11 @@ from pydrake.multibody.tree import (
     RigidBody,
 )
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
 from drake_gait.errors import ModelError
 from drake_gait.foot import FootDesign
-from drake_gait.gait import JOINTS, FloatArray
+from drake_gait.gait import FRAME_TIME, JOINTS, FloatArray
 from drake_gait.gait_system import GaitSystem
 from drake_gait.servo import Servo
 from drake_gait.toes import with_toes
@@ -119,6 +120,8 @@ class Robot:
     """Its shapes."""
     gait: GaitSystem
     """Sends the commands."""
+    frames: VectorLogSink | None
+    """Logs positions, then velocities, of the plant at the control frames, where it is `logged`."""
     springs: tuple[RevoluteSpring, ...]
     """The toes' springs, ordered as TOE_HINGES; none where the toes are rigid."""
 
@@ -241,6 +244,7 @@ def build_robot(
     *,
     time_step: float = 0.0,
     friction: float = 1.0,
+    logged: bool = False,
 ) -> Robot:
     """The diagram of a robot whose servos follow a GaitSystem, for walks that nobody looks at.
 
@@ -253,6 +257,8 @@ def build_robot(
     )
     gait = GaitSystem()
     builder.AddSystem(gait)
+    state = plant.get_state_output_port()
+    frames = LogVectorOutput(state, builder, FRAME_TIME) if logged else None
     instance = plant.GetBodyByName("torso").model_instance()
     builder.Connect(
         gait.GetOutputPort("desired_state"), plant.get_desired_state_input_port(instance)
@@ -262,6 +268,7 @@ def build_robot(
         plant=plant,
         scene_graph=scene_graph,
         gait=gait,
+        frames=frames,
         springs=() if foot.rigid_toes else _toe_springs(plant),
     )
 

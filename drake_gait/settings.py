@@ -20,7 +20,7 @@ from drake_gait.errors import SettingsError
 from drake_gait.foot import N_MM_PER_DEG, FootDesign
 from drake_gait.plan import ConfirmationSettings, SearchSettings
 from drake_gait.problem import (
-    OUTPUTS,
+    OF_EVERY_WALK,
     Assessment,
     Constraints,
     DesignSpace,
@@ -139,7 +139,7 @@ class StudySettings:
     @property
     def trial_settings(self) -> WalkSettings:
         """How the walks of the search are simulated: with measures where they are needed."""
-        return replace(self.walk, measures=self.outputs != OUTPUTS)
+        return replace(self.walk, measures=not set(self.outputs) <= set(OF_EVERY_WALK))
 
     def assess(self, walk: Walk) -> Assessment:
         """A walk measured against the study's objective and constraints."""

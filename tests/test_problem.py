@@ -183,7 +183,7 @@ def test_every_measure_of_a_walk_can_be_made_a_constraint():
 
 @pytest.mark.parametrize(("name", "limit", "violation"), BROKEN)
 def test_a_measure_beyond_its_limit_makes_a_walk_infeasible(name, limit, violation):
-    walk = a_walk(measures=MEASURES)
+    walk = a_walk(measures=MEASURES, yaw_swing=MEASURES.yaw_swing)
     assert assess(walk, Constraints()).feasible
     broken = assess(walk, Constraints(**{name: limit}))
     assert broken.violations == pytest.approx([0, 0, 0, violation, 0])
@@ -194,6 +194,14 @@ def test_a_measure_beyond_its_limit_makes_a_walk_infeasible(name, limit, violati
 def test_a_walk_without_the_measures_that_a_limit_needs_is_a_mistake():
     with pytest.raises(SettingsError, match=r"slip needs the measures of a walk.*measures=True"):
         assess(a_walk(), Constraints(slip=0.04))
+
+
+def test_the_range_of_the_heading_needs_no_measures():
+    limits = Constraints(yaw_swing=0.1)
+    assert assess(a_walk(yaw_swing=0.05), limits).feasible
+    assert assess(a_walk(yaw_swing=0.15), limits).violations == pytest.approx([0, 0, 0, 0.5, 0])
+    # A walk of a study file that knows no such range yet.
+    assert assess(a_walk(), limits).violations == pytest.approx([0, 0, 0, 1, 0])
 
 
 def test_a_diverged_walk_breaks_a_limit_on_its_measures():

@@ -80,6 +80,9 @@ def test_walks_are_measured_where_the_study_needs_it_only(read):
     limited = read(MINIMAL, {("constraints", "slip_mm"): 10})
     assert limited.trial_settings.measures
     assert limited.outputs[-1] == "slip"
+    straight = read(MINIMAL, {("constraints", "yaw_swing_deg"): 20})
+    assert not straight.trial_settings.measures  # Every walk tells it.
+    assert straight.outputs[-1] == "yaw_swing"
 
 
 def test_every_variation_of_the_extreme_frictions_can_be_walked(read):

@@ -14,7 +14,7 @@ from pydrake.systems.analysis import Simulator
 
 from drake_gait import Candidate, FootDesign, Gait, Outcome, WalkSettings, simulate
 from drake_gait.errors import ModelError, SettingsError
-from drake_gait.gait import FRAMES, STANDING
+from drake_gait.gait import FRAME_TIME, FRAMES, STANDING
 from drake_gait.settings import default_study, read_study
 from drake_gait.simulation import follow
 from drake_gait.walk import Walk
@@ -68,8 +68,9 @@ def test_a_process_that_only_walks_imports_nothing_heavy_but_drake() -> None:
     assert not {"torch", "matplotlib", "scipy", "sqlite3", "dask"} & set(listed)
 
 
-def test_watching_a_walk_does_not_change_it() -> None:
-    assert numbers(simulate(WALKING, history=True)) == numbers(simulate(WALKING))
+@pytest.mark.parametrize("candidate", [WALKING, FALLING], ids=["walks", "falls"])
+def test_watching_a_walk_does_not_change_it(candidate: Candidate) -> None:
+    assert numbers(simulate(candidate, history=True)) == numbers(simulate(candidate))
 
 
 def test_the_middle_of_the_default_box_walks_to_the_end() -> None:
@@ -157,6 +158,22 @@ def test_a_solver_that_fails_is_an_outcome_with_its_reason(
     assert walk.steps == 50
 
 
+def test_a_solver_that_fails_after_a_fall_makes_no_difference(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    fell = simulate(FALLING)
+    advance: Callable[..., object] = Simulator.AdvanceTo
+
+    def fail_after_the_fall(simulator: Simulator, boundary_time: float, **options: bool) -> object:
+        advance(simulator, boundary_time, **options)
+        if boundary_time > (fell.steps + 1) * FRAME_TIME:
+            raise RuntimeError("no convergence")
+        return None
+
+    monkeypatch.setattr(Simulator, "AdvanceTo", fail_after_the_fall)
+    assert numbers(simulate(FALLING)) == numbers(fell)
+
+
 def test_a_missing_robot_is_named_with_those_that_exist() -> None:
     with pytest.raises(ModelError, match=r"no robot description 'khr4\.sdf'.*khr3hv\.sdf"):
         simulate(WALKING, WalkSettings(model="khr4.sdf"))
@@ -219,6 +236,14 @@ def test_measures_are_those_of_a_history_without_the_history() -> None:
     assert measured.measures == watched.measures
     assert numbers(measured) == numbers(watched)
     assert simulate(WALKING).measures is None
+
+
+def test_the_range_of_the_heading_is_known_of_every_walk() -> None:
+    watched = simulate(WALKING, history=True)
+    assert watched.history is not None
+    assert watched.measures is not None
+    assert watched.yaw_swing == pytest.approx(np.ptp(watched.history.torso[:, 5]), abs=1e-9)
+    assert watched.measures.yaw_swing == watched.yaw_swing == simulate(WALKING).yaw_swing > 0.01
 
 
 def test_a_fall_has_measures_too() -> None:

@@ -58,7 +58,7 @@ def walk_from(candidate: Candidate, positions: FloatArray) -> Walk:
     robot, context = simulation.prepare(candidate.gait.commands, candidate.foot, settings)
     plant_context = robot.plant.GetMyMutableContextFromRoot(context)
     robot.plant.SetPositions(plant_context, positions)
-    return simulation._advance(robot, context, settings, None)
+    return simulation._advance(robot, context, settings)
 
 
 def differences(pairs: list[tuple[Walk, Walk]]) -> str:

@@ -240,7 +240,9 @@ def overhead(
     for candidate in [c for c in candidates if simulation.simulate(c, walk).survived][:count]:
         bare_time, full_time = [], []
         for _ in range(repeats):
-            robot, context = simulation.prepare(candidate.gait.commands, candidate.foot, walk)
+            robot, context = simulation.prepare(
+                candidate.gait.commands, candidate.foot, walk, logged=False
+            )
             start = time.process_time()
             simulator = simulation.start(robot.diagram, context, walk.stepping)
             simulator.AdvanceTo(FRAMES * FRAME_TIME, interruptible=False)
