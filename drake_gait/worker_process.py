@@ -5,6 +5,7 @@ It shares nothing with its driver but a pipe of its own, so it may die at any in
 whose processes share a queue and its locks does not survive that.
 """
 
+import itertools
 import os
 import pickle
 import select
@@ -16,7 +17,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -28,8 +29,10 @@ from drake_gait.walk import Walk
 
 WalkFunction = Callable[[Trial], Walk]
 
-_WALKS_PER_PROCESS = 120
-"""A process is replaced after so many walks, so that its memory stays bounded."""
+_MOST_MEMORY = 220e6
+"""A process that holds more is replaced [bytes]: robots that it has built stay in its memory."""
+_MOST_WALKS = 120
+"""After so many walks it is replaced where the system does not tell what it holds."""
 
 _START_LIMIT = 300.0  # To import Drake from the network disk of a busy cluster [s].
 _STARTS = 5  # Some other cause than a stray kill when so many in a row fail.
@@ -82,7 +85,7 @@ class WorkerProcess:
         self._time_limit = time_limit
         self._process: subprocess.Popen[bytes] | None = None
         self._connection: Connection[Any, Any] | None = None
-        self._walks = 0
+        self._worn = False
         self._stopped = False
         self._lock = threading.Lock()
 
@@ -95,7 +98,6 @@ class WorkerProcess:
             Exception: what the walk raised, with the worker's traceback as a note.
         """
         connection = self._ready()
-        self._walks += 1
         try:
             connection.send(trial)
             if not self._answers(connection):
@@ -105,6 +107,7 @@ class WorkerProcess:
             answer: _Answer = connection.recv()
         except (EOFError, OSError):
             raise WorkerDiedError(f"its process died with {self.close()}") from None
+        self._worn = answer.worn
         walk, seconds = answer.value()
         return walk, seconds
 
@@ -149,7 +152,7 @@ class WorkerProcess:
 
     def _ready(self) -> "Connection[Any, Any]":
         """The pipe to a process that waits for a trial."""
-        if self._walks >= _WALKS_PER_PROCESS:
+        if self._worn:
             self.close()
         if self._process is not None and self._process.poll() is not None:
             self.close()  # It was killed, or ended by itself, while it had nothing to do.
@@ -181,7 +184,7 @@ class WorkerProcess:
                     env={**os.environ, **_ONE_THREAD},
                     pass_fds=[theirs.fileno()],
                 )
-        self._connection, self._walks = ours, 0
+        self._connection, self._worn = ours, False
         try:
             ours.send_bytes(self._function)
             if not ours.poll(_START_LIMIT):
@@ -201,6 +204,8 @@ class _Answer:
     """What it returned."""
     error: BaseException | None = None
     """What it raised."""
+    worn: bool = False
+    """Whether another process is to take its place."""
 
     def value(self) -> Any:
         """The result; raises the error if there was one."""
@@ -244,7 +249,9 @@ def serve(descriptor: int, longest: float) -> None:
 
     with suppress(EOFError, ConnectionError):
         connection.send(_answer(load, connection.recv_bytes()))
-        while connection.poll(_IDLE_LIMIT):
+        for walks in itertools.count(1):
+            if not connection.poll(_IDLE_LIMIT):
+                break
             trial = connection.recv()
             # Their default action needs no Python, which may be what hangs.
             signal.setitimer(signal.ITIMER_PROF, longest)
@@ -252,7 +259,16 @@ def serve(descriptor: int, longest: float) -> None:
             answer = _answer(timed, trial)
             signal.setitimer(signal.ITIMER_PROF, 0.0)
             signal.setitimer(signal.ITIMER_REAL, 0.0)
-            connection.send(answer)
+            connection.send(replace(answer, worn=_is_worn(walks)))
+
+
+def _is_worn(walks: int) -> bool:
+    """Whether this process, which has walked so often, has grown or may have."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])  # Resident ones, proc(5).
+    except OSError:
+        return walks >= _MOST_WALKS
+    return pages * os.sysconf("SC_PAGE_SIZE") > _MOST_MEMORY
 
 
 def _answer(function: Callable[[Any], Any], argument: Any) -> _Answer:

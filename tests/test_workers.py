@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from drake_gait import worker_process
 from drake_gait.errors import ModelError, SettingsError, WorkerError
 from drake_gait.gait import Gait
 from drake_gait.problem import Candidate
@@ -32,6 +33,8 @@ def number_of(candidate):
 
 
 # Stand-ins for the simulation; a worker imports them by their names.
+
+HOARD = []
 
 
 def stride(candidate):
@@ -91,6 +94,11 @@ def process_id(candidate):
     return dataclasses.replace(stride(candidate), reason=str(os.getpid()))
 
 
+def process_id_and_grow(candidate):
+    HOARD.append(b"x" * 130_000_000)
+    return process_id(candidate)
+
+
 def threads_per_walk(candidate):
     return dataclasses.replace(stride(candidate), reason=os.environ["OMP_NUM_THREADS"])
 
@@ -136,6 +144,21 @@ def test_no_candidates_are_no_walks():
     with LocalProcesses(stride, count=1) as processes:
         assert list(processes.run([])) == []
     assert list(Serial(stride).run([])) == []
+
+
+def test_a_worker_stays_until_it_has_grown():
+    assert len({walk.reason for walk in run(process_id, 130, workers=1)}) == 1
+    used = [walk.reason for walk in run(process_id_and_grow, 6, workers=1)]
+    assert len(set(used)) >= 3  # Of two hoards at most.
+
+
+def test_a_worker_that_cannot_tell_its_memory_is_replaced_after_many_walks(monkeypatch):
+    monkeypatch.setattr(Path, "read_text", no_such_file)
+    assert [worker_process._is_worn(walks) for walks in (1, 119, 120)] == [False, False, True]
+
+
+def no_such_file(path):
+    raise FileNotFoundError(path)
 
 
 def test_a_worker_walks_with_one_thread():
