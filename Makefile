@@ -11,7 +11,7 @@ export OMP_NUM_THREADS = 1
 
 .PHONY: walk test quick lint types docs clean
 
-walk: $(VENV)/.installed  ## install, and run the paper's study (ARGS="--seed 1" and so on)
+walk: $(VENV)/.installed  ## install, and run the default study (ARGS="--seed 1" and so on)
 	$(BIN)/python -m drake_gait.optimize $(ARGS)
 
 test: $(VENV)/.installed-dev  ## install, and run all tests

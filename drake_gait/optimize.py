@@ -1,8 +1,9 @@
 """Search the gaits of a study: `python -m drake_gait.optimize [STUDY.toml]`.
 
-Without arguments it runs the paper's study. The same command again goes on with an unfinished
-study, and a larger --simulations with a finished one. In the study's folder it leaves study.db
-(every walk), report.html (what came out), result.json, walk.html (a recording) and figures.
+Without arguments it runs the default study, studies/steady.toml. The same command again goes on
+with an unfinished study, and a larger --simulations with a finished one. In the study's folder it
+leaves study.db (every walk), report.html (what came out), result.json, walk.html (a recording)
+and figures.
 """
 
 import argparse
@@ -70,7 +71,7 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
         nargs="?",
         type=Path,
         metavar="STUDY.toml",
-        help="a study's settings (the paper's)",
+        help="a study's settings (studies/steady.toml)",
     )
     set_by = functools.partial(parser.add_argument, action="append", dest="overrides", default=[])
     set_by("--set", metavar="SECTION.KEY=VALUE", help="override a setting of the file; repeatable")

@@ -171,7 +171,8 @@ def quantity(walk: Walk, name: str) -> float:
         SettingsError: the walk was simulated without measures.
     """
     if name in OF_EVERY_WALK:
-        return float(getattr(walk, name))
+        known = getattr(walk, name)
+        return math.nan if known is None else float(known)
     if walk.outcome is Outcome.DIVERGED:
         return math.nan
     if walk.measures is None:

@@ -100,7 +100,7 @@ def from_row(row: Mapping[str, Any]) -> StudyWalk:
             outcome=Outcome(row["outcome"]),
             reason=row["reason"],
             **{name: row[name] for name in _WALK},
-            yaw_swing=_number(row, "yaw_swing"),
+            yaw_swing=row["yaw_swing"],
             measures=_measures(row),
         ),
         predicted=None if predicted["forward"] is None else predicted,
@@ -116,8 +116,7 @@ def _foot(row: Mapping[str, Any]) -> FootDesign:
 
 def _measure_values(walk: Walk) -> list[float | None]:
     if walk.measures is None:
-        known = {} if math.isnan(walk.yaw_swing) else {"yaw_swing": walk.yaw_swing}
-        return [known.get(name) for name in _MEASURE_NAMES]
+        return [walk.yaw_swing if name == "yaw_swing" else None for name in _MEASURE_NAMES]
     values = (getattr(walk.measures, field) for field in _MEASURES)
     return [
         float(number)

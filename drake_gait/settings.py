@@ -205,10 +205,10 @@ def study_settings(description: Mapping[str, Any]) -> StudySettings:
 
 
 def default_study() -> Path:
-    """The paper's study: inside an installed package, or beside it in a checkout."""
+    """The study that nobody names: inside an installed package, or beside it in a checkout."""
     package = Path(str(files("drake_gait")))
-    inside = package / "studies" / "paper.toml"
-    return inside if inside.is_file() else package.parent / "studies" / "paper.toml"
+    inside = package / "studies" / "steady.toml"
+    return inside if inside.is_file() else package.parent / "studies" / "steady.toml"
 
 
 def read_study(path: Path, overrides: Mapping[tuple[str, str], Any] | None = None) -> StudySettings:

@@ -8,7 +8,7 @@ Tables (schema 3; SI units, angles in radians, numbers as full doubles):
                             did, its measures where they were taken, what was predicted of it,
                             when it finished and how long it took
 
-`pandas.DataFrame(Study.open("runs/paper").table())` has all of it, and any SQLite tool reads it;
+`pandas.DataFrame(Study.open("runs/steady").table())` has all of it, and any SQLite tool reads it;
 docs/studies.md lists the columns. The driver is the only writer and commits each walk as it
 finishes (write-ahead log, synchronous = normal): a killed process loses none, a power cut at most
 the last few.

@@ -1,6 +1,5 @@
 """How a walk is simulated, and what one simulation left behind."""
 
-import math
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
@@ -184,8 +183,8 @@ class Walk:
     """Rotation of the torso about world z, unwrapped [rad]: R_f."""
     com_height: float
     """Height of the centre of mass above the ground in the last frame [m]: Y_f."""
-    yaw_swing: float = math.nan
-    """Range of the torso's heading [rad]; NaN where no frame was reached."""
+    yaw_swing: float | None = None
+    """Range of the torso's heading [rad]; None of a walk that diverged, or of an older study."""
     reason: str = ""
     """Why the walk ended early; empty when it did not."""
     history: History | None = field(default=None, repr=False)

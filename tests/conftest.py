@@ -226,10 +226,20 @@ def closed(path, entry):
 
 
 @pytest.fixture(scope="session")
-def finished_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+def finished_run(tmp_path_factory: pytest.TempPathFactory, paper_study: Path) -> tuple[Path, str]:
     """Folder and output of a real study of 24 walks, by two workers."""
     folder = tmp_path_factory.mktemp("runs") / "paper"
-    arguments = ["--samples", "20", "--simulations", "24", "--workers", "2", "--out", str(folder)]
+    arguments = [
+        str(paper_study),
+        "--samples",
+        "20",
+        "--simulations",
+        "24",
+        "--workers",
+        "2",
+        "--out",
+        str(folder),
+    ]
     ended = subprocess.run(
         [sys.executable, "-m", "drake_gait.optimize", *arguments],
         check=False,

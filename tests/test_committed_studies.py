@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from drake_gait.confirmation import walked_as, winner
+from drake_gait.confirmation import finalists, walked_as, winner
 from drake_gait.provenance import file_sha256
 from drake_gait.robot import model_path
 from drake_gait.settings import read_study
@@ -42,10 +42,10 @@ def test_its_winner_walks_again_as_it_did(committed):
 
 
 @pytest.mark.parametrize("committed", ["reference"], indirect=True)
-def test_the_refined_walk_is_feasible_at_other_steps_too(committed):
-    settings, study, result = committed
-    candidate = winner(settings, study.walks()).walk.candidate
+def test_the_refined_walk_that_bears_all_noise_is_feasible_at_other_steps_too(committed):
+    settings, study, _ = committed
+    (steady,) = (one for one in finalists(settings, study.walks()) if one.feasible == 8)
     for integrator in (Integrator(step=0.001), Integrator(step=0.02, accuracy=1e-5)):
-        walk = simulate(candidate, WalkSettings(integrator=integrator))
+        walk = simulate(steady.walk.candidate, WalkSettings(integrator=integrator))
         assert settings.assess(walk).feasible
-        assert 1e3 * walk.forward == pytest.approx(result["forward_mm"], abs=5.0)
+        assert walk.forward == pytest.approx(steady.walk.walk.forward, abs=5e-3)

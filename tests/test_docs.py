@@ -11,7 +11,7 @@ import pytest
 
 import drake_gait
 from drake_gait.records import StudyWalk
-from drake_gait.settings import read_study
+from drake_gait.settings import default_study, read_study
 from drake_gait.store import Study
 
 ROOT = Path(__file__).parents[1]
@@ -71,11 +71,11 @@ class AcceptedError(Exception):
 
 
 @pytest.fixture
-def run_folder(tmp_path: Path, paper_study: Path, entry: StudyWalk, monkeypatch) -> Path:
+def run_folder(tmp_path: Path, entry: StudyWalk, monkeypatch) -> Path:
     """A working folder that holds what `make walk` leaves, as far as a snippet may read it."""
-    settings = read_study(paper_study)
+    settings = read_study(default_study())
     study = Study.create(
-        tmp_path / "runs" / "paper" / "study.db",
+        tmp_path / "runs" / "steady" / "study.db",
         {"settings": settings.description(), "model_sha256": "", "versions": {}},
     )
     with study:

@@ -28,7 +28,7 @@ def assert_same(found, expected):
     for field in dataclasses.fields(expected.walk):
         if field.name != "measures":
             one, other = getattr(found.walk, field.name), getattr(expected.walk, field.name)
-            assert str(one) == str(other), field.name
+            assert one == other, field.name
     if expected.walk.measures is None:
         assert found.walk.measures is None
     else:

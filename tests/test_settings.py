@@ -9,7 +9,13 @@ from conftest import MINIMAL
 
 from drake_gait.errors import SettingsError
 from drake_gait.plan import SearchSettings
-from drake_gait.settings import overrides, read_override, read_study, study_settings
+from drake_gait.settings import (
+    default_study,
+    overrides,
+    read_override,
+    read_study,
+    study_settings,
+)
 from drake_gait.walk import Fidelity
 
 EVERY_KEY = """
@@ -131,6 +137,13 @@ def test_the_paper_s_study_is_the_paper_s(paper_study):
     assert study.space.foot.big_toe_stiffness == pytest.approx(0.52 * N_MM_PER_DEG)
     assert study.space.dimension == 16
     assert (study.space.box == [-1.0, 1.0]).all()
+
+
+def test_the_default_study_is_the_paper_s_without_gaits_that_twist(paper_study):
+    paper, default = (read_study(path).description() for path in (paper_study, default_study()))
+    changed = {key for key in default if default[key] != paper[key]}
+    assert changed == {"study.name", "study.question", "constraints.yaw_swing"}
+    assert np.degrees(default["constraints.yaw_swing"]) == pytest.approx(20.0)
 
 
 def test_every_committed_study_reads(repository):

@@ -10,6 +10,8 @@ Five tables, from one Latin hypercube of a study's box:
     overhead      processor time of `simulate` against a bare loop of Drake's own stepping
     workers       how long a worker process takes to start, and the most memory that one ever holds
 
+With --runs, walks that studies found instead of the hypercube's.
+
 The rows of the slowest integrators are taken from the first walks of the hypercube, as they say.
 
 docs/walk.md holds the tables that this printed.
@@ -38,7 +40,9 @@ from drake_gait import simulation
 from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray, Gait
 from drake_gait.problem import Candidate, assess
 from drake_gait.proposal import design_of_experiments
-from drake_gait.settings import StudySettings, default_study, read_study
+from drake_gait.ranking import feasible_walks
+from drake_gait.settings import StudySettings, default_study, read_study, study_settings
+from drake_gait.store import Study
 from drake_gait.walk import Fidelity, Integrator, Walk, WalkSettings
 from drake_gait.workers import LocalProcesses
 
@@ -93,6 +97,22 @@ def walks_of_box(study: Path, count: int, seed: int) -> tuple[StudySettings, lis
     }
     settings = read_study(study, overrides)
     return settings, [settings.space.decode(x) for x in design_of_experiments(settings)]
+
+
+def walks_of_studies(
+    runs: Sequence[Path], count: int, seed: int
+) -> tuple[StudySettings, list[Candidate]]:
+    """The settings of the first of some studies, and feasible candidates, as many of each."""
+    rng = np.random.default_rng(seed)
+    chosen: list[Candidate] = []
+    for run_ in runs:
+        with Study.open(run_) as study:
+            settings, walks = study_settings(study.description()["settings"]), study.walks()
+        found = feasible_walks(walks, settings.constraints, settings.search.objective)
+        places = rng.choice(len(found), size=min(count // len(runs), len(found)), replace=False)
+        chosen += [found[place].candidate for place in sorted(places)]
+    with Study.open(runs[0]) as study:
+        return study_settings(study.description()["settings"]), chosen
 
 
 def timed(candidate: Candidate, settings: WalkSettings) -> tuple[Walk, float]:
@@ -291,10 +311,16 @@ def main() -> None:
     )
     parser.add_argument("--study", type=Path, default=default_study())
     parser.add_argument("--walks", type=int, default=200)
+    parser.add_argument(
+        "--runs", type=Path, nargs="+", metavar="RUN", help="feasible walks of studies, not the box"
+    )
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=len(os.sched_getaffinity(0)))
     options = parser.parse_args()
-    settings, candidates = walks_of_box(options.study, options.walks, options.seed)
+    if options.runs:
+        settings, candidates = walks_of_studies(options.runs, options.walks, options.seed)
+    else:
+        settings, candidates = walks_of_box(options.study, options.walks, options.seed)
     if "workers" in options.tables:
         workers(candidates, settings.walk)
     with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as pool:

@@ -2,7 +2,7 @@
 
     python tools/soak.py [--walks N] [--every SECONDS] [--workers N] [--out DIR]
 
-It runs the paper's study with N walks by its own command, kills one of the worker processes at
+It runs the default study with N walks by its own command, kills one of the worker processes at
 random every so many seconds (SIGKILL, as a system that is out of memory does), and compares what
 the study says of its workers' deaths with the kills. Exit status 1 if a walk is missing or was
 given up for a kill.

@@ -1,0 +1,85 @@
+"""What tells whether a gait bears noise: how it is walked, beside how its perturbed walks scatter.
+
+    python tools/bench_scatter.py runs/bench_search/default/seed-* runs/bench_search/cmaes/seed-*
+
+Of every study, the candidates that its confirmation walked at least twice: median range of X and
+of yaw over the walk itself and its first two variations, and medians of measures of the walk
+itself, which is simulated again for them. Then each measure's rank correlation with the scatter,
+between the studies (their medians) and within one (median over the studies).
+"""
+
+import argparse
+import os
+from dataclasses import fields
+from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+from scipy.stats import spearmanr
+
+from drake_gait.confirmation import finalists
+from drake_gait.gait import FloatArray
+from drake_gait.problem import quantity
+from drake_gait.settings import study_settings
+from drake_gait.simulation import simulate
+from drake_gait.store import Study
+from drake_gait.walk import Measures
+
+_VARIATIONS = 2  # One on more slippery ground, one on less.
+_SHOWN = ("yaw_swing", "slip", "torso_tilt", "peak_ground_reaction")
+
+
+def scattered(folder: Path) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Distances [mm], ranges of X [mm] and yaw [deg] (n, 3), measures (n, m) of a study."""
+    with Study.open(folder) as study:
+        settings, walks = study_settings(study.description()["settings"]), study.walks()
+    ranges, measures = [], []
+    for finalist in finalists(settings, walks):
+        variations = finalist.variations[:_VARIATIONS]
+        if len(variations) < _VARIATIONS:
+            continue
+        again = simulate(finalist.walk.candidate, settings.walk, history=True)
+        walked = [again, *(variation.walk for variation in variations)]
+        ranges.append(
+            [
+                1e3 * again.forward,
+                1e3 * np.ptp([walk.lateral for walk in walked]),
+                np.degrees(np.ptp([walk.yaw for walk in walked])),
+            ]
+        )
+        measures.append([quantity(again, field.name) for field in fields(Measures)])
+    found = np.array(ranges).reshape(-1, 3)
+    return found, np.log(found[:, 1] / 20.0 + found[:, 2] / 5.0), np.array(measures)
+
+
+def main() -> None:
+    """Print both tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("runs", nargs="+", type=Path, metavar="RUN", help="folder of a study")
+    names = [field.name for field in fields(Measures)]
+    studies = []
+    print("| study | candidates | Z mm | range of X mm | of yaw deg | yaw swing deg | slip mm "
+          "| tilt deg | peak reaction |\n|---|---|---|---|---|---|---|---|---|")  # fmt: skip
+    for run in parser.parse_args().runs:
+        ranges, scatter, measures = scattered(run)
+        studies.append((scatter, measures))
+        units = (np.degrees(1.0), 1e3, np.degrees(1.0), 1.0)
+        shown = [
+            unit * np.median(measures[:, names.index(name)])
+            for name, unit in zip(_SHOWN, units, strict=True)
+        ]
+        cells = " | ".join(f"{value:.1f}" for value in (*np.median(ranges, axis=0), *shown))
+        print(f"| {run.parent.name}/{run.name} | {len(ranges)} | {cells} |", flush=True)
+    medians = [np.median(scatter) for scatter, _ in studies]
+    print("\n| measure | between studies | within one |\n|---|---|---|")
+    for column, name in enumerate(names):
+        between = spearmanr([np.median(found[:, column]) for _, found in studies], medians)
+        within = np.median(
+            [spearmanr(found[:, column], scatter).statistic for scatter, found in studies]
+        )
+        print(f"| {name} | {between.statistic:.2f} | {within:.2f} |")
+
+
+if __name__ == "__main__":
+    main()
