@@ -80,6 +80,9 @@ def write_study_page(run: Run, path: Path) -> None:
             "lateral": number(1e3 * limits.lateral, 0),
             "yaw": number(math.degrees(limits.yaw), 0),
             "com_height": number(1e3 * limits.com_height, 2),
+            # Those of a study's own, between Eqs. 11-13 and Eq. 14.
+            "others": ", ".join(name.replace("_", " ") for name in limits.names[3:-1]),
+            "yaw_swing": limits.yaw_swing and number(math.degrees(limits.yaw_swing), 0),
         },
         unslipping=next(
             (walk for walk in run.walks if walk.id == result.get("best_unslipping")), None

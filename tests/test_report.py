@@ -131,6 +131,18 @@ def test_a_shuffle_is_called_one_beside_the_best_walk_that_does_not_slide(run, m
     assert "It slides" not in written(dataclasses.replace(run, result=steps))
 
 
+def test_a_study_s_own_limits_stand_beside_the_paper_s(run, measures):
+    measured = {**run.result, "measures": dataclasses.asdict(measures)}
+    page = written(dataclasses.replace(run, result=measured))
+    assert "Eqs. 11–14 of the paper</dd>" in page
+    assert "range of the torso's heading</dd>" in page
+    limits = dataclasses.replace(run.settings.constraints, yaw_swing=np.radians(20.0))
+    settings = dataclasses.replace(run.settings, constraints=limits)
+    page = written(dataclasses.replace(run, result=measured, settings=settings))
+    assert "Eqs. 11–14 of the paper; yaw swing</dd>" in page
+    assert "range of the torso's heading, at most 20</dd>" in page
+
+
 def test_the_command_of_a_study_on_file_says_what_was_set_otherwise(run, paper_study):
     settings = read_study(paper_study, {("confirmation", "walks"): 24})
     assert " --set confirmation.walks=24 --out " in command(
