@@ -142,7 +142,7 @@ def test_the_paper_s_study_is_the_paper_s(paper_study):
 def test_the_default_study_is_the_paper_s_without_gaits_that_twist(paper_study):
     paper, default = (read_study(path).description() for path in (paper_study, default_study()))
     changed = {key for key in default if default[key] != paper[key]}
-    assert changed == {"study.name", "study.question", "constraints.yaw_swing"}
+    assert changed == {"study.name", "study.question", "box.chosen", "constraints.yaw_swing"}
     assert np.degrees(default["constraints.yaw_swing"]) == pytest.approx(20.0)
 
 
