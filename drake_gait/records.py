@@ -128,12 +128,12 @@ def _measure_values(walk: Walk) -> list[float | None]:
 def _measures(row: Mapping[str, Any]) -> Measures | None:
     if row[_MEASURE_NAMES[0]] is None:
         return None
+
+    def number(name: str) -> float:
+        return math.nan if row[name] is None else float(row[name])  # SQLite has no NaN.
+
     values: dict[str, Any] = {
-        field: tuple(_number(row, part) for part in parts) if parts else _number(row, field)
+        field: tuple(map(number, parts)) if parts else number(field)
         for field, parts in _MEASURES.items()
     }
     return Measures(**values)
-
-
-def _number(row: Mapping[str, Any], name: str) -> float:
-    return math.nan if row[name] is None else float(row[name])  # SQLite has no NaN.

@@ -209,12 +209,13 @@ def _advance(
         except (RuntimeError, SystemExit) as error:
             failure = f"solver: {str(error).splitlines()[0]}"
         positions: FloatArray = log.data()[: plant.num_positions()].T
-        postures += [torso_posture(one) for one in positions[len(postures) :, pose]]
+        seen = len(postures)
+        postures += [torso_posture(one) for one in positions[seen:, pose]]
         if observer and not failure:
             observer.record(context)
         if watch and not failure:
             watch(frame * FRAME_TIME, positions[-1])
-        fall = _first_fall(postures)
+        fall = _first_fall(postures, seen)
         if fall is not None:
             break
         if failure:
@@ -243,10 +244,10 @@ def _advance(
     )
 
 
-def _first_fall(postures: Sequence[tuple[float, float, float]]) -> int | None:
-    """The frame by which the robot has fallen, from its torso's postures in the frames."""
+def _first_fall(postures: Sequence[tuple[float, float, float]], seen: int) -> int | None:
+    """The frame by which the robot has fallen, from its torso's postures; `seen` ones stand."""
     lowest = FALL_HEIGHT * postures[0][2]
-    for frame, (_, upright, height) in enumerate(postures):
+    for frame, (_, upright, height) in enumerate(postures[seen:], seen):
         # Written so that a state that is not a number counts as a fall.
         if not (upright > _UPRIGHT and height > lowest):
             return frame

@@ -5,7 +5,6 @@ It shares nothing with its driver but a pipe of its own, so it may die at any in
 whose processes share a queue and its locks does not survive that.
 """
 
-import itertools
 import os
 import pickle
 import select
@@ -249,9 +248,8 @@ def serve(descriptor: int, longest: float) -> None:
 
     with suppress(EOFError, ConnectionError):
         connection.send(_answer(load, connection.recv_bytes()))
-        for walks in itertools.count(1):
-            if not connection.poll(_IDLE_LIMIT):
-                break
+        walks = 0
+        while connection.poll(_IDLE_LIMIT):
             trial = connection.recv()
             # Their default action needs no Python, which may be what hangs.
             signal.setitimer(signal.ITIMER_PROF, longest)
@@ -259,16 +257,22 @@ def serve(descriptor: int, longest: float) -> None:
             answer = _answer(timed, trial)
             signal.setitimer(signal.ITIMER_PROF, 0.0)
             signal.setitimer(signal.ITIMER_REAL, 0.0)
+            walks += 1
             connection.send(replace(answer, worn=_is_worn(walks)))
 
 
 def _is_worn(walks: int) -> bool:
     """Whether this process, which has walked so often, has grown or may have."""
     try:
-        pages = int(Path("/proc/self/statm").read_text().split()[1])  # Resident ones, proc(5).
+        return resident_memory() > _MOST_MEMORY
     except OSError:
         return walks >= _MOST_WALKS
-    return pages * os.sysconf("SC_PAGE_SIZE") > _MOST_MEMORY
+
+
+def resident_memory() -> int:
+    """What this process holds [bytes]; an OSError where the system does not tell (proc(5))."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE")
 
 
 def _answer(function: Callable[[Any], Any], argument: Any) -> _Answer:

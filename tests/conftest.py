@@ -229,17 +229,8 @@ def closed(path, entry):
 def finished_run(tmp_path_factory: pytest.TempPathFactory, paper_study: Path) -> tuple[Path, str]:
     """Folder and output of a real study of 24 walks, by two workers."""
     folder = tmp_path_factory.mktemp("runs") / "paper"
-    arguments = [
-        str(paper_study),
-        "--samples",
-        "20",
-        "--simulations",
-        "24",
-        "--workers",
-        "2",
-        "--out",
-        str(folder),
-    ]
+    options = ("--samples", "20", "--simulations", "24", "--workers", "2")
+    arguments = [str(paper_study), *options, "--out", str(folder)]
     ended = subprocess.run(
         [sys.executable, "-m", "drake_gait.optimize", *arguments],
         check=False,

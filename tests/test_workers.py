@@ -297,9 +297,10 @@ def test_workers_killed_while_idle_are_replaced(expected):
     with LocalProcesses(stride, count=2, time_limit=30.0) as processes:
         for _ in range(3):
             assert len(list(processes.run(candidates(6)))) == 6
-            for worker in children(os.getpid()):
+            workers = children(os.getpid())
+            for worker in workers:
                 os.kill(worker, signal.SIGKILL)
-            wait_for_end_of(children(os.getpid()))
+            wait_for_end_of(workers)  # Of all their threads, not of their first ones alone.
         finished = sorted(processes.run(candidates(6)), key=lambda one: one.index)
     assert numbers(one.walk for one in finished) == numbers(expected[:6])
     assert processes.deaths == {}

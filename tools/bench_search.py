@@ -129,8 +129,8 @@ def draw(curves: dict[str, list[np.ndarray]], path: Path) -> None:
         axes.plot(count, np.median(stacked, axis=0), color=colour, label=mode)
         axes.fill_between(count, stacked.min(0), stacked.max(0), color=colour, alpha=0.15, lw=0)
     axes.axhline(177.96, color="0.4", ls=":", lw=1)
-    at_the_end = {"xy": (axes.get_xlim()[1], 172), "ha": "right", "va": "top"}
-    axes.annotate("the paper's best", fontsize=7, color="0.4", **at_the_end)
+    end = axes.get_xlim()[1]
+    axes.text(end, 172, "the paper's best", fontsize=7, color="0.4", ha="right", va="top")
     axes.set(xlabel="walks simulated", ylabel="best feasible walk [mm]")
     axes.legend(frameon=False)
     figure.savefig(path, dpi=200)

@@ -10,7 +10,6 @@ import argparse
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from pydrake.systems.framework import DiagramBuilder
@@ -22,6 +21,7 @@ from drake_gait.robot import add_robot, build_robot
 from drake_gait.servo import Servo
 from drake_gait.settings import default_study, read_study
 from drake_gait.walk import DEFAULT_MODEL, INTEGRATORS, Fidelity, Walk, WalkSettings
+from drake_gait.worker_process import resident_memory
 
 NOISE = np.radians(0.05)
 
@@ -33,12 +33,6 @@ def cpu_ms(function: Callable[[], object], repetitions: int = 10) -> float:
     for _ in range(repetitions):
         function()
     return 1e3 * (time.process_time() - started) / repetitions
-
-
-def resident_mb() -> float:
-    """Memory of this process [MB]."""
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * 4096 / 1e6
 
 
 def settled(foot: FootDesign) -> FloatArray:
@@ -88,9 +82,9 @@ def main() -> None:
         lambda: add_robot(DiagramBuilder(), DEFAULT_MODEL, FootDesign(), Servo(), looks=True)
     )
     print(f"a robot as the file has it: {with_looks:.0f} ms")
-    before = resident_mb()
+    before = resident_memory()
     bare = cpu_ms(lambda: build_robot(DEFAULT_MODEL, FootDesign(), Servo()), 50)
-    print(f"a robot for walks: {bare:.0f} ms, {(resident_mb() - before) / 51:.2f} MB kept")
+    print(f"a robot for walks: {bare:.0f} ms, {(resident_memory() - before) / 51e6:.2f} MB kept")
     print(f"and to settle on it: {cpu_ms(lambda: settled(FootDesign())) - bare:.0f} ms")
     opened = replace(
         space, foot_ranges=tuple((name, *ends) for name, ends in DESIGN_LIMITS.items())

@@ -104,15 +104,16 @@ def walks_of_studies(
 ) -> tuple[StudySettings, list[Candidate]]:
     """The settings of the first of some studies, and feasible candidates, as many of each."""
     rng = np.random.default_rng(seed)
+    described: list[StudySettings] = []
     chosen: list[Candidate] = []
     for run_ in runs:
         with Study.open(run_) as study:
             settings, walks = study_settings(study.description()["settings"]), study.walks()
+        described.append(settings)
         found = feasible_walks(walks, settings.constraints, settings.search.objective)
         places = rng.choice(len(found), size=min(count // len(runs), len(found)), replace=False)
         chosen += [found[place].candidate for place in sorted(places)]
-    with Study.open(runs[0]) as study:
-        return study_settings(study.description()["settings"]), chosen
+    return described[0], chosen
 
 
 def timed(candidate: Candidate, settings: WalkSettings) -> tuple[Walk, float]:
