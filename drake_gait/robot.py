@@ -1,6 +1,5 @@
 """From a robot description and a foot design to a finalized plant."""
 
-import itertools
 import logging
 from dataclasses import dataclass
 from importlib.resources import files
@@ -11,9 +10,9 @@ import numpy as np
 from pydrake.geometry import (
     AddContactMaterial,
     AddRigidHydroelasticProperties,
-    Box,
     HalfSpace,
     ProximityProperties,
+    Role,
     SceneGraph,
 )
 from pydrake.math import RigidTransform
@@ -38,6 +37,7 @@ from drake_gait.foot import FootDesign
 from drake_gait.gait import FRAME_TIME, JOINTS, FloatArray
 from drake_gait.gait_system import GaitSystem
 from drake_gait.servo import Servo
+from drake_gait.shapes import box_corners, out_of_reach
 from drake_gait.toes import with_toes
 from drake_gait.walk import DEFAULT_MODEL
 
@@ -187,6 +187,10 @@ def add_robot(
         back_emf = actuator.effort_limit() / servo.no_load_speed
         plant.GetJointByName(name).set_default_damping(back_emf)
     plant.Finalize()
+    if not looks:
+        # They would be looked for in every step: 3 % of a walk, whose numbers stay the same.
+        for geometry in out_of_reach(plant, scene_graph):
+            scene_graph.RemoveRole(plant.get_source_id(), geometry, Role.kProximity)
     return plant, scene_graph
 
 
@@ -223,14 +227,10 @@ def add_ground(plant: MultibodyPlant) -> None:
 
 def sole_corners(robot: Robot, body: RigidBody) -> FloatArray:
     """Corners of a foot link's collision boxes in its frame p_BC [m], shape (3, 8 k)."""
-    corners = []
     inspector = robot.scene_graph.model_inspector()
-    for geometry in robot.plant.GetCollisionGeometriesForBody(body):
-        box = inspector.GetShape(geometry)
-        if isinstance(box, Box):
-            signs = np.array(list(itertools.product((-0.5, 0.5), repeat=3))).T
-            corners.append(inspector.GetPoseInFrame(geometry) @ (signs * box.size()[:, None]))
-    return np.hstack(corners)
+    geometries = robot.plant.GetCollisionGeometriesForBody(body)
+    corners = [box_corners(inspector, geometry) for geometry in geometries]
+    return np.hstack([one for one in corners if one is not None])
 
 
 # Drake warns that deformable bodies will not touch the ground; there are none.

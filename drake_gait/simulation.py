@@ -20,12 +20,16 @@ from drake_gait.observer import Observer
 from drake_gait.problem import Candidate, Trial
 from drake_gait.robot import Robot, build_robot
 from drake_gait.servo import Servo
-from drake_gait.walk import INTEGRATORS, Fidelity, Integrator, Outcome, Walk, WalkSettings
-
-FALL_TILT = math.radians(45.0)
-"""The robot has fallen when its torso leans further than this from upright [rad]."""
-FALL_HEIGHT = 0.8
-"""The robot has fallen when its torso is below this part of its standing height."""
+from drake_gait.walk import (
+    FALL_HEIGHT,
+    FALL_TILT,
+    INTEGRATORS,
+    Fidelity,
+    Integrator,
+    Outcome,
+    Walk,
+    WalkSettings,
+)
 
 Watch = Callable[[float, FloatArray], None]
 """Takes an instant [s] and the positions of the plant, shape (n,)."""
@@ -223,7 +227,7 @@ def _advance(
         if time.thread_time() > deadline:
             return Walk.diverged(f"took longer than {settings.time_limit:g} s", steps=frame)
     end, steps = (FRAMES, FRAMES) if fall is None else (fall, fall - 1)
-    com_start, com_end = (_centre_of_mass(robot, positions[frame]) for frame in (0, end))
+    com_start, com_end = _centres_of_mass(robot, positions[[0, end]])
     if not np.isfinite(com_end).all():
         return Walk.diverged("the state is not finite", steps=steps)
     forward, lateral, _ = (com_end - com_start).tolist()
@@ -254,12 +258,14 @@ def _first_fall(postures: Sequence[tuple[float, float, float]], seen: int) -> in
     return None
 
 
-def _centre_of_mass(robot: Robot, positions: FloatArray) -> FloatArray:
-    """p_WC [m], shape (3,), of a posture."""
+def _centres_of_mass(robot: Robot, postures: FloatArray) -> list[FloatArray]:
+    """p_WC [m], shape (3,) each, of postures, shape (n, positions)."""
     context = robot.plant.CreateDefaultContext()
-    robot.plant.SetPositions(context, positions)
-    com: FloatArray = robot.plant.CalcCenterOfMassPositionInWorld(context)
-    return com
+    centres: list[FloatArray] = []
+    for positions in postures:
+        robot.plant.SetPositions(context, positions)
+        centres.append(robot.plant.CalcCenterOfMassPositionInWorld(context))
+    return centres
 
 
 def torso_posture(pose: FloatArray) -> tuple[float, float, float]:

@@ -1,5 +1,6 @@
 """How a walk is simulated, and what one simulation left behind."""
 
+import math
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
@@ -10,6 +11,11 @@ from drake_gait.servo import Servo
 
 DEFAULT_MODEL = "khr3hv.sdf"
 """The shipped robot that walks when none is named."""
+
+FALL_TILT = math.radians(45.0)
+"""The robot has fallen when its torso leans further than this from upright [rad]."""
+FALL_HEIGHT = 0.8
+"""The robot has fallen when its torso is below this part of its standing height."""
 
 
 class Fidelity(StrEnum):

@@ -16,7 +16,7 @@ EVERYWHERE = [
 COMMANDS = {path.stem for path in PACKAGE if "__main__" in path.read_text(encoding="utf-8")}
 """Modules that are run as `python -m drake_gait.<name>`."""
 
-DRAKE = {"robot", "gait_system", "simulation", "observer"} | COMMANDS
+DRAKE = {"robot", "shapes", "gait_system", "simulation", "observer"} | COMMANDS
 DRAKE |= {"portraits", "recording", "scene", "live"}
 
 # Who may import what; nobody else may.

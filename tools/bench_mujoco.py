@@ -35,8 +35,8 @@ from drake_gait.problem import Candidate
 from drake_gait.robot import GROUND_FRICTION
 from drake_gait.servo import Servo
 from drake_gait.settings import default_study
-from drake_gait.simulation import FALL_HEIGHT, FALL_TILT, simulate
-from drake_gait.walk import Fidelity, Outcome, Walk, WalkSettings
+from drake_gait.simulation import simulate
+from drake_gait.walk import FALL_HEIGHT, FALL_TILT, Fidelity, Outcome, Walk, WalkSettings
 
 STEPS = (0.001, 0.002)
 """Time steps of MuJoCo that are measured [s]."""

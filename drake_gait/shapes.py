@@ -1,0 +1,67 @@
+"""The shapes of a robot: where their corners are, and which can touch the ground in a walk."""
+
+import itertools
+
+import numpy as np
+from pydrake.geometry import Box, GeometryId, SceneGraph, SceneGraphInspector
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import RevoluteJoint, RigidBody, WeldJoint
+
+from drake_gait.gait import FloatArray
+from drake_gait.walk import FALL_HEIGHT, FALL_TILT
+
+_SIGNS: FloatArray = np.array(list(itertools.product((-0.5, 0.5), repeat=3))).T
+
+
+def box_corners(inspector: SceneGraphInspector, geometry: GeometryId) -> FloatArray | None:
+    """Corners of a box in the frame of its body p_BC [m], shape (3, 8); None of another shape."""
+    box = inspector.GetShape(geometry)
+    if not isinstance(box, Box):
+        return None
+    corners: FloatArray = inspector.GetPoseInFrame(geometry) @ (_SIGNS * box.size()[:, None])
+    return corners
+
+
+def out_of_reach(plant: MultibodyPlant, scene_graph: SceneGraph) -> list[GeometryId]:
+    """The boxes that cannot touch the ground before the robot has fallen, whatever it does.
+
+    Until then the torso leans no further than FALL_TILT and is no lower than FALL_HEIGHT of where
+    it is by default, standing; and hinges do not change how far a box is from the hinge that
+    carries its link.
+
+    Args:
+        plant: A finalized one with a torso over a horizontal plane.
+        scene_graph: Its shapes.
+    """
+    context = plant.CreateDefaultContext()
+    inspector = scene_graph.model_inspector()
+    torso = plant.GetBodyByName("torso")
+    X_WT = plant.EvalBodyPoseInWorld(context, torso)
+    boxes: list[tuple[GeometryId, RigidBody, FloatArray]] = []  # With their corners p_WC.
+    for index in plant.GetBodyIndices(torso.model_instance()):
+        body = plant.get_body(index)
+        X_WB = plant.EvalBodyPoseInWorld(context, body)
+        for geometry in plant.GetCollisionGeometriesForBody(body):
+            corners = box_corners(inspector, geometry)
+            if corners is not None:
+                boxes.append((geometry, body, X_WB @ corners))
+    ground = min((float(p_WC[2].min()) for _, _, p_WC in boxes), default=0.0)
+    torso_height = FALL_HEIGHT * (X_WT.translation()[2] - ground)
+    joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
+    carrying = {joint.child_body().index(): joint for joint in joints}
+
+    def lowest(body: RigidBody, p_WP: FloatArray) -> float:
+        """How near the ground points of a body can be [m]; by default they are at p_WP, (3, n)."""
+        if body.index() == torso.index():
+            x, y, z = X_WT.inverse() @ p_WP
+            outward = np.hypot(x, y)
+            lean = np.minimum(FALL_TILT, np.arctan2(outward, -z))
+            return float(np.min(torso_height + z * np.cos(lean) - outward * np.sin(lean)))
+        joint = carrying[body.index()]
+        if not isinstance(joint, RevoluteJoint | WeldJoint):
+            return -np.inf
+        p_WJ = joint.frame_on_child().CalcPoseInWorld(context).translation()[:, None]
+        distance = float(np.linalg.norm(p_WP - p_WJ, axis=0).max())
+        return lowest(joint.parent_body(), p_WJ) - distance
+
+    return [geometry for geometry, body, p_WC in boxes if lowest(body, p_WC) > 0.0]
