@@ -12,8 +12,6 @@ Five tables, from one Latin hypercube of a study's box:
 
 With --runs, walks that studies found instead of the hypercube's.
 
-The rows of the slowest integrators are taken from the first walks of the hypercube, as they say.
-
 docs/walk.md holds the tables that this printed.
 """
 
@@ -59,8 +57,6 @@ INTEGRATORS = {
     "lagged, 1 ms": Integrator(step=0.001, discrete=True),
 }
 REFERENCE = "CENIC, accuracy 1e-4 (reference)"
-FEW = {"lagged, 2 ms": 60, "lagged, 1 ms": 60}
-"""Rows that would take hours, and the number of walks that they are taken from."""
 
 
 @dataclass(frozen=True)
@@ -72,10 +68,6 @@ class Batch:
     """Processor time of each walk [s], shape (n,)."""
     elapsed: float
     """Wall-clock time of all of them [s]."""
-
-    def first(self, count: int) -> "Batch":
-        """What it made of the first candidates alone; without their own elapsed time."""
-        return Batch(self.walks[:count], self.cpu[:count], elapsed=np.nan)
 
     @property
     def survived(self) -> np.ndarray:
@@ -154,10 +146,8 @@ def integrators(pool: ProcessPoolExecutor, candidates: list[Candidate], walk: Wa
     print("|---|---|---|---|---|---|---|---|")
     print_row(REFERENCE, "–| – | – | –", reference)
     for name, integrator in INTEGRATORS.items():
-        few = FEW.get(name, len(candidates))
-        batch = run(pool, candidates[:few], replace(walk, integrator=integrator))
-        title = name if few >= len(candidates) else f"{name} ({few} walks)"
-        print_row(title, compare(batch, reference.first(few)), batch)
+        batch = run(pool, candidates, replace(walk, integrator=integrator))
+        print_row(name, compare(batch, reference), batch)
 
 
 def print_row(name: str, cells: str, batch: Batch) -> None:
