@@ -227,10 +227,7 @@ def add_ground(plant: MultibodyPlant) -> None:
 
 def sole_corners(robot: Robot, body: RigidBody) -> FloatArray:
     """Corners of a foot link's collision boxes in its frame p_BC [m], shape (3, 8 k)."""
-    inspector = robot.scene_graph.model_inspector()
-    geometries = robot.plant.GetCollisionGeometriesForBody(body)
-    corners = [box_corners(inspector, geometry) for geometry in geometries]
-    return np.hstack([one for one in corners if one is not None])
+    return np.hstack(list(box_corners(robot.plant, robot.scene_graph, body).values()))
 
 
 # Drake warns that deformable bodies will not touch the ground; there are none.

@@ -3,7 +3,7 @@
 import itertools
 
 import numpy as np
-from pydrake.geometry import Box, GeometryId, SceneGraph, SceneGraphInspector
+from pydrake.geometry import Box, GeometryId, SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RevoluteJoint, RigidBody, WeldJoint
 
@@ -13,12 +13,16 @@ from drake_gait.walk import FALL_HEIGHT, FALL_TILT
 _SIGNS: FloatArray = np.array(list(itertools.product((-0.5, 0.5), repeat=3))).T
 
 
-def box_corners(inspector: SceneGraphInspector, geometry: GeometryId) -> FloatArray | None:
-    """Corners of a box in the frame of its body p_BC [m], shape (3, 8); None of another shape."""
-    box = inspector.GetShape(geometry)
-    if not isinstance(box, Box):
-        return None
-    corners: FloatArray = inspector.GetPoseInFrame(geometry) @ (_SIGNS * box.size()[:, None])
+def box_corners(
+    plant: MultibodyPlant, scene_graph: SceneGraph, body: RigidBody
+) -> dict[GeometryId, FloatArray]:
+    """Corners of a body's collision boxes in its frame p_BC [m], shape (3, 8) each."""
+    inspector = scene_graph.model_inspector()
+    corners: dict[GeometryId, FloatArray] = {}
+    for geometry in plant.GetCollisionGeometriesForBody(body):
+        box = inspector.GetShape(geometry)
+        if isinstance(box, Box):
+            corners[geometry] = inspector.GetPoseInFrame(geometry) @ (_SIGNS * box.size()[:, None])
     return corners
 
 
@@ -34,17 +38,14 @@ def out_of_reach(plant: MultibodyPlant, scene_graph: SceneGraph) -> list[Geometr
         scene_graph: Its shapes.
     """
     context = plant.CreateDefaultContext()
-    inspector = scene_graph.model_inspector()
     torso = plant.GetBodyByName("torso")
     X_WT = plant.EvalBodyPoseInWorld(context, torso)
     boxes: list[tuple[GeometryId, RigidBody, FloatArray]] = []  # With their corners p_WC.
     for index in plant.GetBodyIndices(torso.model_instance()):
         body = plant.get_body(index)
         X_WB = plant.EvalBodyPoseInWorld(context, body)
-        for geometry in plant.GetCollisionGeometriesForBody(body):
-            corners = box_corners(inspector, geometry)
-            if corners is not None:
-                boxes.append((geometry, body, X_WB @ corners))
+        for geometry, p_BC in box_corners(plant, scene_graph, body).items():
+            boxes.append((geometry, body, X_WB @ p_BC))
     ground = min((float(p_WC[2].min()) for _, _, p_WC in boxes), default=0.0)
     torso_height = FALL_HEIGHT * (X_WT.translation()[2] - ground)
     joints = [plant.get_joint(index) for index in plant.GetJointIndices()]

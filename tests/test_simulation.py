@@ -5,14 +5,23 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import astuple, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from drake_gait import Candidate, FootDesign, Gait, Outcome, WalkSettings, simulate
+from drake_gait import (
+    Candidate,
+    FootDesign,
+    Gait,
+    Outcome,
+    WalkSettings,
+    robot,
+    simulate,
+    simulation,
+)
 from drake_gait.errors import ModelError, SettingsError
 from drake_gait.gait import FRAME_TIME, FRAMES, STANDING
 from drake_gait.settings import default_study, read_study
@@ -51,6 +60,20 @@ def test_the_same_candidate_walks_the_same_after_any_other_walk_and_in_any_proce
     )
     assert numbers(again) == numbers(first)
     assert json.loads(elsewhere.stdout) == numbers(first)
+
+
+def test_a_walk_has_the_same_numbers_with_the_shapes_that_reach_no_ground(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # Falls too: they end before anything else than a foot can touch.
+    candidates = (WALKING, FALLING)
+    without = [astuple(simulate(one)) for one in candidates]
+    monkeypatch.setattr(robot, "out_of_reach", lambda plant, scene_graph: [])
+    simulation._robot.cache_clear()
+    try:
+        assert [astuple(simulate(one)) for one in candidates] == without
+    finally:
+        simulation._robot.cache_clear()
 
 
 def test_a_process_that_only_walks_imports_nothing_heavy_but_drake() -> None:
