@@ -3,7 +3,8 @@
 Three layers as in the paper, sigmoid hidden units and back-propagation on the squared error
 (Eqs. 18-21), in an ensemble: every member leaves out one fold of the walks, so that each walk is
 predicted by a member that has not seen it. Regressors learn from walks that survived; a classifier
-of the same form learns which do.
+of the same form learns which do. What the members lacked on walks that they had not seen may be
+kriged: a network knows the slope of the land, its errors nearby tell the holes.
 """
 
 from collections.abc import Callable
@@ -13,9 +14,11 @@ from typing import Protocol
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from drake_gait.errors import SettingsError
 from drake_gait.gait import FloatArray
+from drake_gait.kriging import ErrorProcess
 
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
@@ -25,6 +28,9 @@ _HIDDEN_UNITS = 32
 _EPOCHS = 250
 _LEARNING_RATE = 0.03
 _WEIGHT_DECAY = 1.0
+
+_SMALLEST_CHANCE = 1e-3
+"""To survive, where errors nearby would make it nothing, or less."""
 
 _PAPER_UNITS = 20
 _PAPER_EPOCHS = 500
@@ -129,6 +135,14 @@ class _Loss:
         return (error * self.seen).sum() / self.seen.sum()
 
 
+@dataclass(frozen=True, eq=False)
+class _Errors:
+    """What an ensemble lacks, as far as its members' errors on walks held out tell."""
+
+    outputs: list[ErrorProcess]
+    survival: ErrorProcess | None
+
+
 class Surrogate:
     """Predicts walks from design vectors; made by `fit`."""
 
@@ -141,6 +155,7 @@ class Surrogate:
         survival_heldout: FloatArray | None,
         targets: FloatArray,
         x: FloatArray,
+        errors: _Errors | None = None,
     ) -> None:
         self._regressor = regressor
         self._classifier = classifier
@@ -154,7 +169,10 @@ class Surrogate:
         None where none fell."""
         self.fitted = self._members(x).mean(axis=0)
         """Their prediction by the whole ensemble, shape (n, k)."""
+        self._errors = errors
         self._residual = (targets - heldout).std(axis=0)
+        if errors is not None:
+            self._residual = np.array([error.deviation for error in errors.outputs])
 
     @property
     def r2_train(self) -> FloatArray:
@@ -169,13 +187,18 @@ class Surrogate:
     def predict(self, x: FloatArray) -> Prediction:
         """Predictions for design vectors, shape (n, d)."""
         members = self._members(x)
+        mean = members.mean(axis=0)
         deviation = np.sqrt(members.var(axis=0) + self._residual**2)
         survival = np.ones(len(x))
         if self._classifier is not None:
             with torch.no_grad():
                 logits = self._classifier(torch.from_numpy(np.asarray(x, dtype=float)))
             survival = torch.sigmoid(logits).mean(dim=0)[:, 0].numpy()
-        return Prediction(mean=members.mean(axis=0), deviation=deviation, survival=survival)
+        if self._errors is not None:
+            mean += np.column_stack([error(x) for error in self._errors.outputs])
+            if self._errors.survival is not None:
+                survival = np.clip(survival + self._errors.survival(x), _SMALLEST_CHANCE, 1.0)
+        return Prediction(mean=mean, deviation=deviation, survival=survival)
 
     def _members(self, x: FloatArray) -> FloatArray:
         with torch.no_grad():
@@ -184,7 +207,14 @@ class Surrogate:
         return members
 
 
-def fit(x: FloatArray, outputs: FloatArray, survived: BoolArray, *, seed: int = 0) -> Surrogate:
+def fit(
+    x: FloatArray,
+    outputs: FloatArray,
+    survived: BoolArray,
+    *,
+    seed: int = 0,
+    kriged: bool = False,
+) -> Surrogate:
     """Train the network.
 
     The same walks and seed give the same network on the same machine.
@@ -194,6 +224,7 @@ def fit(x: FloatArray, outputs: FloatArray, survived: BoolArray, *, seed: int = 
         outputs: What was simulated, shape (n, k); rows of fallen walks are not used.
         survived: Whether each walk survived, shape (n,).
         seed: Fixes initial weights and folds.
+        kriged: Whether predictions are corrected by what held-out walks nearby were in error.
 
     Raises:
         SettingsError: fewer walks survived than a network can be fitted to.
@@ -225,8 +256,15 @@ def fit(x: FloatArray, outputs: FloatArray, survived: BoolArray, *, seed: int = 
     with torch.no_grad():
         members = regressor(x_survived).numpy()
     heldout = scaling[0] + scaling[1] * members[folds, np.arange(survivors)]
+    errors = None
+    if kriged:
+        threadpool_limits(limits=1, user_api="blas")
+        errors = _Errors(
+            [ErrorProcess(x[survived], error) for error in (targets - heldout).T],
+            None if survival_heldout is None else ErrorProcess(x, survived - survival_heldout),
+        )
     return Surrogate(
-        regressor, classifier, scaling, heldout, survival_heldout, targets, x[survived]
+        regressor, classifier, scaling, heldout, survival_heldout, targets, x[survived], errors
     )
 
 

@@ -4,18 +4,16 @@ A network that does not beat a straight line is not worth its name, so each is f
 predicts the walks that the network's members predict: each walk is left out with the same fold.
 """
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
-from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 from sklearn.linear_model import LogisticRegressionCV, RidgeCV
 from sklearn.metrics import roc_auc_score
 
 from drake_gait.gait import FloatArray
+from drake_gait.kriging import fitted_kernel
 from drake_gait.surrogate import BoolArray, IntArray, Surrogate, folds_of, r_squared
 
 Model = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
@@ -23,7 +21,6 @@ Model = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 
 _PENALTIES = np.logspace(-2.0, 5.0, 15)
 _COSTS = np.logspace(-3.0, 2.0, 6)
-_KERNEL_WALKS = 256
 _FEWEST_OF_A_CLASS = 10
 
 
@@ -88,22 +85,12 @@ def ridge(x: FloatArray, outputs: FloatArray, new: FloatArray) -> FloatArray:
 
 
 def kriging(x: FloatArray, outputs: FloatArray) -> Model:
-    """A Gaussian process of one Matérn 5/2 kernel and white noise for every output.
-
-    The three numbers of a kernel are those of largest likelihood on at most 256 of the walks given
-    here, found once for all folds: three numbers hardly tell one walk from the others.
-    """
+    """A Gaussian process for every output, whose kernel is found once for all folds."""
     offset, scale = _scaling(outputs)
-    chosen = np.random.default_rng(len(x)).permutation(len(x))[:_KERNEL_WALKS]
-    kernel = ConstantKernel() * Matern(4.0, (0.3, 1e3), nu=2.5) + WhiteKernel(0.1, (1e-5, 1e1))
-    varying = np.ptp(outputs, axis=0) > 0.0
-    kernels = {}
-    for column in np.flatnonzero(varying):
-        target = (outputs[chosen, column] - offset[column]) / scale[column]
-        with warnings.catch_warnings():
-            # Of pure noise the best length is the longest: at the bound, as it should be.
-            warnings.simplefilter("ignore", ConvergenceWarning)
-            kernels[column] = GaussianProcessRegressor(kernel).fit(x[chosen], target).kernel_
+    kernels = {
+        column: fitted_kernel(x, (outputs[:, column] - offset[column]) / scale[column])
+        for column in np.flatnonzero(np.ptp(outputs, axis=0) > 0.0)
+    }
 
     def model(known: FloatArray, values: FloatArray, new: FloatArray) -> FloatArray:
         predicted = np.tile(values.mean(axis=0), (len(new), 1))

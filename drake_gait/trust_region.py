@@ -51,13 +51,14 @@ class TrustRegion:
         self._told = 0
 
     def learn(self, iteration: int, known: Sequence[Sample]) -> Surrogate | None:
-        """An ensemble of networks of all walks, if enough survived."""
+        """An ensemble of networks of all walks, its errors kriged, if enough survived."""
         settings, walks = self._settings, all_walks(known)
         if sum(walk.walk.survived for walk in walks) < FEWEST_SURVIVORS:
             return None
         return surrogate.fit(
             *training_data(walks, settings.space, settings.outputs),
             seed=seed_of(settings.seed, NETWORK, iteration),
+            kriged=True,
         )
 
     def propose(

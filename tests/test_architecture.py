@@ -23,7 +23,7 @@ DRAKE |= {"portraits", "recording", "scene", "live"}
 WALLS = {
     "pydrake": DRAKE,
     "torch": {"surrogate"},
-    "sklearn": {"surrogate_baselines"},
+    "sklearn": {"kriging", "surrogate_baselines"},
     "sqlite3": {"store"},
     "dask": {"cluster"},
     "distributed": {"cluster"},
@@ -119,7 +119,7 @@ def test_nobody_imports_all_of_drake():
 
 def test_the_package_depends_on_declared_libraries_only():
     declared = {"cmaes", "jinja2", "matplotlib", "numpy", "pydrake", "rich", "scipy", "torch"}
-    declared |= {"drake_gait", "sklearn"}
+    declared |= {"drake_gait", "sklearn", "threadpoolctl"}
     extras = {"dask", "distributed", "optuna", "sqlalchemy"}
     for path in PACKAGE:
         libraries = {name.split(".")[0] for name in imports(path)} - set(sys.stdlib_module_names)

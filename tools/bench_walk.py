@@ -139,7 +139,7 @@ def compare(one: Batch, other: Batch) -> str:
 
 
 def integrators(pool: ProcessPoolExecutor, candidates: list[Candidate], walk: WalkSettings) -> None:
-    """Print the first table."""
+    """Print how integrators compare with the reference."""
     reference = run(pool, candidates, replace(walk, fidelity=Fidelity.REFERENCE))
     print("\n| integrator | same survival | Z r (mm) | X r (mm) | yaw r (deg) | survive "
           "| CPU s / completed walk | walks/s |")  # fmt: skip
@@ -196,7 +196,7 @@ def servo(pool: ProcessPoolExecutor, candidates: list[Candidate], settings: Stud
 def convergence(
     pool: ProcessPoolExecutor, candidates: list[Candidate], settings: StudySettings, seed: int
 ) -> None:
-    """Print the second table, for the candidates that are feasible at search fidelity."""
+    """Print what step, accuracy and noise change in walks that are feasible at search fidelity."""
     walk = settings.walk
     chosen, base = feasible(pool, candidates, settings)
     reference = replace(walk, fidelity=Fidelity.REFERENCE)
@@ -246,7 +246,7 @@ def shifted(candidates: list[Candidate], degrees: float, seed: int) -> list[Cand
 def overhead(
     candidates: list[Candidate], walk: WalkSettings, count: int = 8, repeats: int = 7
 ) -> None:
-    """Print the third table: simulate() and the bare loop take turns on the same walks."""
+    """Print what surrounds Drake: simulate() and the bare loop take turns on the same walks."""
     ratios, times = [], []
     for candidate in [c for c in candidates if simulation.simulate(c, walk).survived][:count]:
         bare_time, full_time = [], []
@@ -268,7 +268,7 @@ def overhead(
 
 
 def workers(candidates: list[Candidate], walk: WalkSettings, starts: int = 5) -> None:
-    """Print the fourth table: one worker process walks all candidates, as in a search."""
+    """Print what a worker holds: one worker process walks all candidates, as in a search."""
     cold = []
     for _ in range(starts):
         before = resource.getrusage(resource.RUSAGE_CHILDREN)

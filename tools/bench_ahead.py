@@ -1,0 +1,105 @@
+"""How well what a search had learnt told its next walks, with and without kriged errors.
+
+    python tools/bench_ahead.py runs/bench_search/default/seed-*
+
+After every 200 walks of each study, from 400 on, the surrogate is fitted to the walks until then
+and predicts the next 48. It prints means over all of these: correlation of each output among the
+survivors, the area under the curve of survival and of a feasible walk, and the logarithm of the
+probability that was given to what became of a walk, feasible or not (0 is certainty). Of walks that
+a surrogate has chosen itself it knows less than of others: who chose them is at a disadvantage.
+"""
+
+import argparse
+import os
+from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drake_gait import surrogate
+from drake_gait.acquisition import Acquisition
+from drake_gait.proposal import training_data
+from drake_gait.records import CONFIRMATIONS
+from drake_gait.settings import study_settings
+from drake_gait.store import Study
+from drake_gait.surrogate import Prediction
+from drake_gait.surrogate_baselines import area_under_curve, kriging
+
+FIRST, EVERY, NEXT = 400, 200, 48
+LEAST_CHANCE = 1e-3
+NAMES = ("network", "network, errors kriged", "kriging, the network's errors")
+
+
+def read(folder: Path) -> tuple[list[dict[str, list[float]]], tuple[str, ...]]:
+    """Scores by name at every point of a study, and the outputs that they are of."""
+    with Study.open(folder) as study:
+        settings = study_settings(study.description()["settings"])
+        walks = [walk for walk in study.walks() if walk.id < CONFIRMATIONS]
+    x, outputs, survived = training_data(walks, settings.space, settings.outputs)
+    feasible = np.array([settings.assess(walk.walk).feasible for walk in walks])
+    found = []
+    for start in range(FIRST, len(walks) - NEXT + 1, EVERY):
+        before, after = slice(start), slice(start, start + NEXT)
+        learnt = x[before], outputs[before], survived[before]
+        network = surrogate.fit(*learnt)
+        expected = {
+            NAMES[0]: network.predict(x[after]),
+            NAMES[1]: surrogate.fit(*learnt, kriged=True).predict(x[after]),
+        }
+        known = x[before][survived[before]], outputs[before][survived[before]]
+        expected[NAMES[2]] = Prediction(
+            mean=kriging(*known)(*known, x[after]),
+            deviation=expected[NAMES[0]].deviation,
+            survival=expected[NAMES[0]].survival,
+        )
+        chance = Acquisition(
+            network, settings.outputs, "forward", settings.constraints.limits, None, [], 1.0
+        ).chance
+        truth = outputs[after], survived[after], feasible[after]
+        found.append({name: scores(one, chance(one), *truth) for name, one in expected.items()})
+    return found, settings.outputs
+
+
+def scores(
+    expected: Prediction,
+    chance: NDArray[np.float64],
+    outputs: NDArray[np.float64],
+    survived: NDArray[np.bool_],
+    feasible: NDArray[np.bool_],
+) -> list[float]:
+    """Correlation of every output, two areas under the curve, logarithm of the probability."""
+    pairs = zip(outputs[survived].T, expected.mean[survived].T, strict=True)
+    areas = (
+        area_under_curve(survived, expected.survival),
+        area_under_curve(feasible, chance),
+    )
+    given = np.clip(np.where(feasible, chance, 1.0 - chance), LEAST_CHANCE, 1.0)
+    return [
+        *(float(np.corrcoef(truth, mean)[0, 1]) for truth, mean in pairs),
+        *(np.nan if area is None else area for area in areas),
+        float(np.log(given).mean()),
+    ]
+
+
+def main() -> None:
+    """Run the command."""
+    about = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=about)
+    parser.add_argument("studies", nargs="+", type=Path, help="folders of studies, with study.db")
+    found, outputs = [], ()
+    for folder in parser.parse_args().studies:
+        rows, outputs = read(folder)
+        found += rows
+    columns = [f"r of {name}" for name in outputs]
+    columns += ["AUC of survival", "AUC of feasible", "log probability"]
+    print(f"{len(found)} times {NEXT} walks\n\n| model | {' | '.join(columns)} |")
+    print("|---|" + "---|" * len(columns))
+    for name in NAMES:
+        means = np.nanmean([row[name] for row in found], axis=0)
+        print(f"| {name} | {' | '.join(f'{mean:.2f}' for mean in means)} |")
+
+
+if __name__ == "__main__":
+    main()
