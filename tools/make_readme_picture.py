@@ -143,14 +143,16 @@ def shots(
     return [Image.open(io.BytesIO(base64.b64decode(data))).convert("RGB") for data in found]
 
 
-def camera_targets(history: History, times: list[float], sideways: float) -> np.ndarray:
+def camera_targets(history: History, times: list[float], *, glides: bool) -> np.ndarray:
     """Where to look [m], shape (n, 3): half-way up the robot, at its centre of mass.
 
-    `sideways` is how far along the walk the camera follows: 1 all the way, 0 not at all.
+    A camera that glides goes from where it begins to where it ends at one speed.
     """
-    frames = np.round(np.array(times) / FRAME_TIME).astype(int)
-    middle = (history.com[0] + history.com[-1]) / 2.0
-    targets = middle + sideways * (history.com[frames] - middle)
+    if glides:
+        share = np.array(times)[:, None] / history.time[-1]
+        targets = history.com[0] + share * (history.com[-1] - history.com[0])
+    else:
+        targets = history.com[np.round(np.array(times) / FRAME_TIME).astype(int)].copy()
     targets[:, 2] = 0.190
     return targets
 
@@ -158,7 +160,9 @@ def camera_targets(history: History, times: list[float], sideways: float) -> np.
 def save_strip(page: str, history: History, path: Path) -> None:
     """Five postures side by side."""
     times = [time for time, _ in GAIT_PHASES]
-    pictures = shots(page, times, camera_targets(history, times, 1.0), STRIP_VIEW, STRIP_SIZE)
+    pictures = shots(
+        page, times, camera_targets(history, times, glides=False), STRIP_VIEW, STRIP_SIZE
+    )
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 2.75))
         FigureCanvasAgg(figure)
@@ -177,7 +181,7 @@ def save_strip(page: str, history: History, path: Path) -> None:
 def save_film(page: str, history: History, path: Path) -> None:
     """The whole walk in real time, looping."""
     times = [float(time) for time in history.time[::FILM_EVERY]]
-    targets = camera_targets(history, times, 0.0)
+    targets = camera_targets(history, times, glides=True)
     first, *others = shots(page, times, targets, FILM_VIEW, FILM_SIZE)
     first.save(
         path, save_all=True, append_images=others, loop=0, quality=50, method=4,
