@@ -10,7 +10,7 @@ from drake_gait import surrogate
 from drake_gait.gait import FRAMES
 from drake_gait.plan import Mode
 from drake_gait.problem import OUTPUTS, Constraints, Objective
-from drake_gait.proposal import design_of_experiments, training_data
+from drake_gait.proposal import NETWORK, design_of_experiments, seed_of, training_data
 from drake_gait.proposers import proposer
 from drake_gait.ranking import sample
 from drake_gait.records import StudyWalk
@@ -93,6 +93,19 @@ def test_a_network_knows_all_walks_but_those_that_are_under_way_while_it_learns(
     batches = 20 + 4 * (5 if mode is Mode.DEFAULT else 1)
     run(planned(study, mode=mode, samples=20, simulations=batches, batch=5), tmp_path / "s.db")
     assert found == learnt_from
+
+
+def test_the_default_corrects_its_network_by_its_errors_nearby(study):
+    x = np.random.default_rng(0).uniform(-1.0, 1.0, (60, 16))
+    known = samples_at(x, study)
+    learnt = proposer(study).learn(1, known).predict(x)
+    data = training_data([one.walks[0] for one in known], study.space, study.outputs)
+    alone, corrected = (
+        surrogate.fit(*data, seed=seed_of(study.seed, NETWORK, 1), kriged=kriged).predict(x)
+        for kriged in (False, True)
+    )
+    assert learnt.mean == pytest.approx(corrected.mean)
+    assert learnt.mean != pytest.approx(alone.mean, rel=1e-3)
 
 
 @pytest.mark.parametrize("mode", [Mode.PAPER, Mode.ISADE, Mode.CMAES])
