@@ -3,11 +3,9 @@
 They tell near what was simulated what lies there, and say nothing far from it.
 """
 
-import warnings
-
 import numpy as np
 from scipy.linalg import cho_solve
-from sklearn.exceptions import ConvergenceWarning
+from scipy.optimize import minimize
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, Kernel, Matern, WhiteKernel
 
@@ -53,7 +51,15 @@ def fitted_kernel(x: FloatArray, standard: FloatArray) -> Kernel:
     """
     chosen = np.random.default_rng(len(x)).permutation(len(x))[:_KERNEL_WALKS]
     kernel = ConstantKernel() * Matern(4.0, (0.3, 1e3), nu=2.5) + WhiteKernel(0.1, (1e-5, 1e1))
-    with warnings.catch_warnings():
-        # Of pure noise the best length is the longest: at the bound, as it should be.
-        warnings.simplefilter("ignore", ConvergenceWarning)
-        return GaussianProcessRegressor(kernel).fit(x[chosen], standard[chosen]).kernel_
+    process = GaussianProcessRegressor(kernel, optimizer=None).fit(x[chosen], standard[chosen])
+
+    def unlikelihood(theta: FloatArray) -> tuple[float, FloatArray]:
+        value, slope = process.log_marginal_likelihood(
+            theta, eval_gradient=True, clone_kernel=False
+        )
+        return -value, -slope
+
+    # The regressor's own search warns where the best length is the longest, as of pure noise it
+    # should be, and warnings cannot be silenced for one thread alone.
+    found = minimize(unlikelihood, kernel.theta, jac=True, method="L-BFGS-B", bounds=kernel.bounds)
+    return kernel.clone_with_theta(found.x)
