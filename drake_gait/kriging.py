@@ -28,12 +28,16 @@ class ErrorProcess:
         """Standard deviation of what is left at a point not seen: Rasmussen and Williams 2006, Eq.
         5.12, over all points left out one by one."""
         self._process: GaussianProcessRegressor | None = None
-        if self._scale > 0.0:
-            standard = errors / self._scale
-            kernel = fitted_kernel(x, standard)
-            self._process = GaussianProcessRegressor(kernel, optimizer=None).fit(x, standard)
-            precision = np.diag(cho_solve((self._process.L_, True), np.eye(len(x))))
-            self.deviation *= float(np.std(self._process.alpha_ / precision))
+        if self._scale == 0.0:
+            return
+        standard = errors / self._scale
+        process = GaussianProcessRegressor(fitted_kernel(x, standard), optimizer=None)
+        try:
+            self._process = process.fit(x, standard)
+        except np.linalg.LinAlgError:  # Points too close together: the errors are left as they are.
+            return
+        precision = np.diag(cho_solve((process.L_, True), np.eye(len(x))))
+        self.deviation *= float(np.std(process.alpha_ / precision))
 
     def __call__(self, x: FloatArray) -> FloatArray:
         """The error to expect at points of shape (m, d), shape (m,)."""

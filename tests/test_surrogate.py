@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
+from drake_gait import kriging
 from drake_gait.errors import SettingsError
 from drake_gait.problem import OUTPUTS
 from drake_gait.surrogate import FEWEST_SURVIVORS, fit, r_squared
@@ -237,3 +239,12 @@ def test_noise_is_not_kriged(x):
     fresh = np.random.default_rng(2).normal(size=(2000, 2))
     assert (r_squared(fresh, network.predict(new).mean) > -0.35).all()
     assert (network.predict(new).deviation > 0.8).all()
+
+
+def test_errors_that_no_process_can_be_fitted_to_are_left_as_they_are(monkeypatch):
+    # A hundred walks at one point, said to differ by no noise: the matrix is singular.
+    monkeypatch.setattr(kriging, "fitted_kernel", lambda *_: ConstantKernel(1e5) * Matern(1e3))
+    errors = np.random.default_rng(0).normal(size=100)
+    process = kriging.ErrorProcess(np.zeros((100, 3)), errors)
+    assert process(np.zeros((2, 3))).tolist() == [0.0, 0.0]
+    assert process.deviation == pytest.approx(errors.std())
