@@ -155,7 +155,7 @@ class Surrogate:
         survival_heldout: FloatArray | None,
         targets: FloatArray,
         x: FloatArray,
-        errors: _Errors | None = None,
+        errors: _Errors | None,
     ) -> None:
         self._regressor = regressor
         self._classifier = classifier
@@ -170,9 +170,11 @@ class Surrogate:
         self.fitted = self._members(x).mean(axis=0)
         """Their prediction by the whole ensemble, shape (n, k)."""
         self._errors = errors
-        self._residual = (targets - heldout).std(axis=0)
-        if errors is not None:
-            self._residual = np.array([error.deviation for error in errors.outputs])
+        self._residual = (
+            (targets - heldout).std(axis=0)
+            if errors is None
+            else np.array([error.deviation for error in errors.outputs])
+        )
 
     @property
     def r2_train(self) -> FloatArray:

@@ -152,7 +152,7 @@ def camera_targets(history: History, times: list[float], *, glides: bool) -> np.
         share = np.array(times)[:, None] / history.time[-1]
         targets = history.com[0] + share * (history.com[-1] - history.com[0])
     else:
-        targets = history.com[np.round(np.array(times) / FRAME_TIME).astype(int)].copy()
+        targets = history.com[np.round(np.array(times) / FRAME_TIME).astype(int)]
     targets[:, 2] = 0.190
     return targets
 
