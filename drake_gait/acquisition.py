@@ -9,7 +9,7 @@ from scipy.stats import norm
 from drake_gait.gait import FloatArray
 from drake_gait.problem import Limit
 from drake_gait.ranking import robust_count
-from drake_gait.surrogate import Prediction, Surrogate
+from drake_gait.surrogate import Network, Prediction
 
 _NEIGHBOURHOOD = 0.25
 """Trials of one batch closer than about this part of the trust region count as the same."""
@@ -34,7 +34,7 @@ class Acquisition:
 
     def __init__(
         self,
-        network: Surrogate,
+        network: Network,
         names: Sequence[str],
         gain: str,
         limits: Sequence[Limit],

@@ -1,69 +1,121 @@
-"""Kriging: Gaussian processes of what walks leave to be explained.
+"""Kriging: a network's errors on the walks of late tell those to expect nearby.
 
-They tell near what was simulated what lies there, and say nothing far from it.
+A network knows the slope of the land, its errors the holes. It learns for a second or more, they
+are kriged in hundredths of one: so they can be those of walks that it has not yet learnt from.
 """
 
 import numpy as np
-from scipy.linalg import cho_solve
-from scipy.optimize import minimize
-from sklearn.gaussian_process import GaussianProcessRegressor
-from sklearn.gaussian_process.kernels import ConstantKernel, Kernel, Matern, WhiteKernel
+from scipy.spatial.distance import cdist
+from threadpoolctl import threadpool_limits
 
 from drake_gait.gait import FloatArray
+from drake_gait.surrogate import BoolArray, Prediction, Surrogate
 
-_KERNEL_WALKS = 256
+_LATEST = 200
+_LENGTHS = (0.5, 1.0, 2.0, 4.0, 8.0)
+"""Of the kernel, in units of the box."""
+_NOISES = (0.3, 1.0, 3.0, 10.0)
+"""Variances in parts of that of the process. With less noise than this a process tells the next
+walks no better, and lets a search run after single lucky ones (docs/network.md)."""
+_SMALLEST_CHANCE = 1e-3
+"""To survive, where errors nearby would make it nothing, or less."""
 
 
-class ErrorProcess:
-    """A Gaussian process of the errors that a model made at points it had not seen.
+class KrigedNetwork:
+    """A network whose predictions are corrected by its errors on the latest 200 walks.
 
     Args:
-        x: The points, shape (n, d).
-        errors: What the model lacked there, shape (n,).
+        network: What is corrected. Its errors on walks that it has learnt from are those of
+            members that had not seen them.
+        x: Design vectors of the walks since then, shape (n, d); n may be 0.
+        outputs: What was simulated, shape (n, k); rows of fallen walks are not used.
+        survived: Whether each walk survived, shape (n,).
+    """
+
+    def __init__(
+        self, network: Surrogate, x: FloatArray, outputs: FloatArray, survived: BoolArray
+    ) -> None:
+        threadpool_limits(limits=1, user_api="blas")
+        self._network = network
+        since = network.predict(x)
+        self._outputs = ErrorProcesses(
+            _latest(network.x[network.survived], x[survived]),
+            _latest(network.targets - network.heldout, (outputs - since.mean)[survived]),
+        )
+        self._survival = ErrorProcesses(
+            _latest(network.x, x),
+            _latest(
+                (network.survived - network.survival_heldout)[:, None],
+                (survived - since.survival)[:, None],
+            ),
+        )
+
+    def predict(self, x: FloatArray) -> Prediction:
+        """Predictions for design vectors, shape (n, d)."""
+        expected = self._network.predict(x)
+        error, deviation = self._outputs.predict(x)
+        survival = expected.survival + self._survival.predict(x)[0][:, 0]
+        return Prediction(
+            mean=expected.mean + error,
+            deviation=deviation,
+            survival=np.clip(survival, _SMALLEST_CHANCE, 1.0),
+        )
+
+
+class ErrorProcesses:
+    """Gaussian processes with Matérn 5/2 kernels, of errors whose mean is nothing.
+
+    Each has the length and the noise, of five and four, of the largest likelihood, and the variance
+    that makes it so (Rasmussen and Williams 2006, Eqs. 2.25, 2.26 and 5.8). One eigenvalue
+    problem for every length answers for all noises and all columns.
+
+    Args:
+        x: Points, shape (n, d).
+        errors: What a model lacked there, shape (n, k).
     """
 
     def __init__(self, x: FloatArray, errors: FloatArray) -> None:
-        self._scale = float(errors.std())
-        self.deviation = self._scale
-        """Standard deviation of what is left at a point not seen: Rasmussen and Williams 2006, Eq.
-        5.12, over all points left out one by one."""
-        self._process: GaussianProcessRegressor | None = None
-        if self._scale == 0.0:
-            return
-        standard = errors / self._scale
-        process = GaussianProcessRegressor(fitted_kernel(x, standard), optimizer=None)
-        try:
-            self._process = process.fit(x, standard)
-        except np.linalg.LinAlgError:  # Points too close together: the errors are left as they are.
-            return
-        precision = np.diag(cho_solve((process.L_, True), np.eye(len(x))))
-        self.deviation *= float(np.std(process.alpha_ / precision))
+        self._x = x
+        distances = cdist(x, x)
+        count = errors.shape[1]
+        self._length, self._noise, self._variance = np.zeros((3, count))
+        least = np.full(count, np.inf)
+        self._inverse, self._weights = np.zeros_like(errors), np.zeros_like(errors)
+        self._vectors: dict[float, FloatArray] = {}
+        for length in _LENGTHS:
+            values, vectors = np.linalg.eigh(_matern(distances / length))
+            self._vectors[length] = vectors
+            turned = vectors.T @ errors
+            for noise in _NOISES:
+                inverse = 1.0 / (values + noise)
+                variance = (inverse[:, None] * turned**2).mean(axis=0)
+                unlikelihood = np.log(np.maximum(variance, 1e-300)) - np.log(inverse).mean()
+                better = unlikelihood < least
+                least[better] = unlikelihood[better]
+                self._length[better], self._noise[better] = length, noise
+                self._variance[better] = variance[better]
+                self._inverse[:, better] = inverse[:, None]
+                self._weights[:, better] = vectors @ (inverse[:, None] * turned[:, better])
 
-    def __call__(self, x: FloatArray) -> FloatArray:
-        """The error to expect at points of shape (m, d), shape (m,)."""
-        if self._process is None:
-            return np.zeros(len(x))
-        expected: FloatArray = self._scale * self._process.predict(x)
-        return expected
+    def predict(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The errors to expect at points of shape (m, d), and their deviations, shape (m, k)."""
+        distances = cdist(x, self._x)
+        mean = np.empty((len(x), len(self._length)))
+        share = np.empty_like(mean)
+        for length in set(self._length):
+            these = self._length == length
+            near = _matern(distances / length)
+            mean[:, these] = near @ self._weights[:, these]
+            share[:, these] = (near @ self._vectors[length]) ** 2 @ self._inverse[:, these]
+        deviation = np.sqrt(self._variance * (1.0 + self._noise - share))
+        return mean, deviation
 
 
-def fitted_kernel(x: FloatArray, standard: FloatArray) -> Kernel:
-    """A Matérn 5/2 kernel and white noise, for values of about unit variance, shape (n,).
+def _latest(before: FloatArray, since: FloatArray) -> FloatArray:
+    return np.concatenate([before, since])[-_LATEST:]
 
-    Its three numbers are those of largest likelihood on at most 256 of the points: three numbers
-    hardly tell one walk from the others.
-    """
-    chosen = np.random.default_rng(len(x)).permutation(len(x))[:_KERNEL_WALKS]
-    kernel = ConstantKernel() * Matern(4.0, (0.3, 1e3), nu=2.5) + WhiteKernel(0.1, (1e-5, 1e1))
-    process = GaussianProcessRegressor(kernel, optimizer=None).fit(x[chosen], standard[chosen])
 
-    def unlikelihood(theta: FloatArray) -> tuple[float, FloatArray]:
-        value, slope = process.log_marginal_likelihood(
-            theta, eval_gradient=True, clone_kernel=False
-        )
-        return -value, -slope
-
-    # The regressor's own search warns where the best length is the longest, as of pure noise it
-    # should be, and warnings cannot be silenced for one thread alone.
-    found = minimize(unlikelihood, kernel.theta, jac=True, method="L-BFGS-B", bounds=kernel.bounds)
-    return kernel.clone_with_theta(found.x)
+def _matern(distance: FloatArray) -> FloatArray:
+    r = np.sqrt(5.0) * distance
+    correlation: FloatArray = (1.0 + r + r**2 / 3.0) * np.exp(-r)
+    return correlation

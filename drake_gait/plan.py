@@ -81,7 +81,7 @@ class ConfirmationSettings:
     and higher in turn. A candidate is robust when `feasible` of them are feasible.
     """
 
-    walks: int = 120
+    walks: int = 400
     """Walks at most, the reference ones not counted; 0: no confirmation."""
     winners: int = 3
     """Robust candidates after which no more are tried."""

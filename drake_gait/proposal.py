@@ -87,7 +87,8 @@ def training_data(
     x = np.array([space.encode(walk.candidate) for walk in walks])
     outputs = np.array([[quantity(walk.walk, name) for name in names] for walk in walks])
     survived = np.array([walk.walk.survived for walk in walks], dtype=bool)
-    return x, outputs, survived
+    size = len(walks)
+    return x.reshape(size, space.dimension), outputs.reshape(size, len(names)), survived
 
 
 def all_walks(samples: Sequence[Sample]) -> list[StudyWalk]:

@@ -106,13 +106,13 @@ class _Run:
 
     def propose(self, iteration: int, network: Network | None) -> Proposal:
         """The candidates of an iteration."""
+        if isinstance(network, Surrogate):
+            self._runner.network = network
         known, count = self._samples_before(iteration), len(self._numbers(iteration))
         return self._proposer.propose(iteration, known, network, count)
 
     def planned(self, iteration: int, proposal: Proposal) -> Iterator[Planned]:
         """The walks of a proposal."""
-        if isinstance(proposal.network, Surrogate):
-            self._runner.network = proposal.network
         # Of all: the last digits of a prediction depend on how many are made together.
         expected = proposal.network.predict(proposal.x) if proposal.network else None
         for place, number in enumerate(self._numbers(iteration)):

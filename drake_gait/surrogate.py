@@ -3,8 +3,7 @@
 Three layers as in the paper, sigmoid hidden units and back-propagation on the squared error
 (Eqs. 18-21), in an ensemble: every member leaves out one fold of the walks, so that each walk is
 predicted by a member that has not seen it. Regressors learn from walks that survived; a classifier
-of the same form learns which do. What the members lacked on walks that they had not seen may be
-kriged: a network knows the slope of the land, its errors nearby tell the holes.
+of the same form learns which do.
 """
 
 from collections.abc import Callable
@@ -14,11 +13,9 @@ from typing import Protocol
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from drake_gait.errors import SettingsError
 from drake_gait.gait import FloatArray
-from drake_gait.kriging import ErrorProcess
 
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
@@ -28,9 +25,6 @@ _HIDDEN_UNITS = 32
 _EPOCHS = 250
 _LEARNING_RATE = 0.03
 _WEIGHT_DECAY = 1.0
-
-_SMALLEST_CHANCE = 1e-3
-"""To survive, where errors nearby would make it nothing, or less."""
 
 _PAPER_UNITS = 20
 _PAPER_EPOCHS = 500
@@ -135,14 +129,6 @@ class _Loss:
         return (error * self.seen).sum() / self.seen.sum()
 
 
-@dataclass(frozen=True, eq=False)
-class _Errors:
-    """What an ensemble lacks, as far as its members' errors on walks held out tell."""
-
-    outputs: list[ErrorProcess]
-    survival: ErrorProcess | None
-
-
 class Surrogate:
     """Predicts walks from design vectors; made by `fit`."""
 
@@ -152,29 +138,27 @@ class Surrogate:
         classifier: _Ensemble | None,
         scaling: tuple[FloatArray, FloatArray],
         heldout: FloatArray,
-        survival_heldout: FloatArray | None,
-        targets: FloatArray,
+        survival_heldout: FloatArray,
         x: FloatArray,
-        errors: _Errors | None,
+        outputs: FloatArray,
+        survived: BoolArray,
     ) -> None:
         self._regressor = regressor
         self._classifier = classifier
         self._offset, self._scale = scaling
-        self.targets = targets
+        self.x = x
+        """Design vectors of the walks learnt from, shape (all walks, d)."""
+        self.survived = survived
+        """Whether each of them survived, shape (all walks,)."""
+        self.targets = outputs[survived]
         """Outputs of the walks learnt from that survived, shape (n, k)."""
         self.heldout = heldout
         """Their prediction by a member that has not seen them, shape (n, k)."""
         self.survival_heldout = survival_heldout
-        """Every walk's probability to survive by a member that has not seen it, shape (all walks,);
-        None where none fell."""
-        self.fitted = self._members(x).mean(axis=0)
+        """Every walk's chance to survive by a member that has not seen it, shape (all walks,)."""
+        self.fitted = self._members(x[survived]).mean(axis=0)
         """Their prediction by the whole ensemble, shape (n, k)."""
-        self._errors = errors
-        self._residual = (
-            (targets - heldout).std(axis=0)
-            if errors is None
-            else np.array([error.deviation for error in errors.outputs])
-        )
+        self._residual = (self.targets - heldout).std(axis=0)
 
     @property
     def r2_train(self) -> FloatArray:
@@ -196,10 +180,6 @@ class Surrogate:
             with torch.no_grad():
                 logits = self._classifier(torch.from_numpy(np.asarray(x, dtype=float)))
             survival = torch.sigmoid(logits).mean(dim=0)[:, 0].numpy()
-        if self._errors is not None:
-            mean += np.column_stack([error(x) for error in self._errors.outputs])
-            if self._errors.survival is not None:
-                survival = np.clip(survival + self._errors.survival(x), _SMALLEST_CHANCE, 1.0)
         return Prediction(mean=mean, deviation=deviation, survival=survival)
 
     def _members(self, x: FloatArray) -> FloatArray:
@@ -209,14 +189,7 @@ class Surrogate:
         return members
 
 
-def fit(
-    x: FloatArray,
-    outputs: FloatArray,
-    survived: BoolArray,
-    *,
-    seed: int = 0,
-    kriged: bool = False,
-) -> Surrogate:
+def fit(x: FloatArray, outputs: FloatArray, survived: BoolArray, *, seed: int = 0) -> Surrogate:
     """Train the network.
 
     The same walks and seed give the same network on the same machine.
@@ -226,7 +199,6 @@ def fit(
         outputs: What was simulated, shape (n, k); rows of fallen walks are not used.
         survived: Whether each walk survived, shape (n,).
         seed: Fixes initial weights and folds.
-        kriged: Whether predictions are corrected by what held-out walks nearby were in error.
 
     Raises:
         SettingsError: fewer walks survived than a network can be fitted to.
@@ -246,7 +218,7 @@ def fit(
     regressor = _Ensemble(x.shape[1], outputs.shape[1], generator)
     regressor.train(_Loss((targets - scaling[0]) / scaling[1], folds, logistic=False), x_survived)
 
-    classifier = survival_heldout = None
+    classifier, survival_heldout = None, np.ones(len(x))
     if survivors < len(x):
         classifier = _Ensemble(x.shape[1], 1, generator)
         labels, leaves_out = survived[:, None].astype(float), folds_of(len(x), seed)
@@ -258,15 +230,8 @@ def fit(
     with torch.no_grad():
         members = regressor(x_survived).numpy()
     heldout = scaling[0] + scaling[1] * members[folds, np.arange(survivors)]
-    errors = None
-    if kriged:
-        threadpool_limits(limits=1, user_api="blas")
-        errors = _Errors(
-            [ErrorProcess(x[survived], error) for error in (targets - heldout).T],
-            None if survival_heldout is None else ErrorProcess(x, survived - survival_heldout),
-        )
     return Surrogate(
-        regressor, classifier, scaling, heldout, survival_heldout, targets, x[survived], errors
+        regressor, classifier, scaling, heldout, survival_heldout, x, outputs, survived
     )
 
 

@@ -8,12 +8,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import minimize
 from sklearn.gaussian_process import GaussianProcessRegressor
+from sklearn.gaussian_process.kernels import ConstantKernel, Kernel, Matern, WhiteKernel
 from sklearn.linear_model import LogisticRegressionCV, RidgeCV
 from sklearn.metrics import roc_auc_score
 
 from drake_gait.gait import FloatArray
-from drake_gait.kriging import fitted_kernel
 from drake_gait.surrogate import BoolArray, IntArray, Surrogate, folds_of, r_squared
 
 Model = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
@@ -22,6 +23,7 @@ Model = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 _PENALTIES = np.logspace(-2.0, 5.0, 15)
 _COSTS = np.logspace(-3.0, 2.0, 6)
 _FEWEST_OF_A_CLASS = 10
+_KERNEL_WALKS = 256
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,16 +54,14 @@ def compare(
     """
     folds = folds_of(len(network.targets), seed)
     targets, seen = outputs[survived], x[survived]
-    network_auc = logistic_auc = None
-    if network.survival_heldout is not None:
-        network_auc = area_under_curve(survived, network.survival_heldout)
+    logistic_auc = None
     if min(survived.sum(), (~survived).sum()) >= _FEWEST_OF_A_CLASS:
         expected = heldout(logistic, x, survived[:, None].astype(float), folds_of(len(x), seed))
         logistic_auc = area_under_curve(survived, expected[:, 0])
     return Comparison(
         ridge=r_squared(targets, heldout(ridge, seen, targets, folds)),
         kriging=r_squared(targets, heldout(kriging(seen, targets), seen, targets, folds)),
-        network_auc=network_auc,
+        network_auc=area_under_curve(survived, network.survival_heldout),
         logistic_auc=logistic_auc,
     )
 
@@ -88,7 +88,7 @@ def kriging(x: FloatArray, outputs: FloatArray) -> Model:
     """A Gaussian process for every output, whose kernel is found once for all folds."""
     offset, scale = _scaling(outputs)
     kernels = {
-        column: fitted_kernel(x, (outputs[:, column] - offset[column]) / scale[column])
+        column: _fitted_kernel(x, (outputs[:, column] - offset[column]) / scale[column])
         for column in np.flatnonzero(np.ptp(outputs, axis=0) > 0.0)
     }
 
@@ -101,6 +101,28 @@ def kriging(x: FloatArray, outputs: FloatArray) -> Model:
         return predicted
 
     return model
+
+
+def _fitted_kernel(x: FloatArray, standard: FloatArray) -> Kernel:
+    """A Matérn 5/2 kernel and white noise, for values of about unit variance, shape (n,).
+
+    Its three numbers are those of largest likelihood on at most 256 of the points: three numbers
+    hardly tell one walk from the others.
+    """
+    chosen = np.random.default_rng(len(x)).permutation(len(x))[:_KERNEL_WALKS]
+    kernel = ConstantKernel() * Matern(4.0, (0.3, 1e3), nu=2.5) + WhiteKernel(0.1, (1e-5, 1e1))
+    process = GaussianProcessRegressor(kernel, optimizer=None).fit(x[chosen], standard[chosen])
+
+    def unlikelihood(theta: FloatArray) -> tuple[float, FloatArray]:
+        value, slope = process.log_marginal_likelihood(
+            theta, eval_gradient=True, clone_kernel=False
+        )
+        return -value, -slope
+
+    # The regressor's own search warns where the best length is the longest, as of pure noise it
+    # should be, and warnings cannot be silenced for one thread alone.
+    found = minimize(unlikelihood, kernel.theta, jac=True, method="L-BFGS-B", bounds=kernel.bounds)
+    return kernel.clone_with_theta(found.x)
 
 
 def logistic(x: FloatArray, survived: FloatArray, new: FloatArray) -> FloatArray:

@@ -9,6 +9,7 @@ from cmaes import CMA
 from drake_gait import isade, proposal, surrogate
 from drake_gait.acquisition import Acquisition
 from drake_gait.gait import FloatArray
+from drake_gait.kriging import KrigedNetwork
 from drake_gait.proposal import (
     DESIGN,
     NETWORK,
@@ -35,8 +36,8 @@ class TrustRegion:
     """The default: an ensemble of networks chooses in a region that follows what was simulated.
 
     The region is the distribution of CMA-ES, which learns from every simulated walk where the
-    constraints leave room; a network could hardly tell it (docs/search.md). Of many points that are
-    drawn from it, those with the largest acquisition are simulated, and the optimum that ISADE
+    constraints leave room; a network could hardly tell it (docs/procedure.md). Of many points that
+    are drawn from it, those with the largest acquisition are simulated, and the optimum that ISADE
     finds in it.
     """
 
@@ -51,14 +52,13 @@ class TrustRegion:
         self._told = 0
 
     def learn(self, iteration: int, known: Sequence[Sample]) -> Surrogate | None:
-        """An ensemble of networks of all walks, its errors kriged, if enough survived."""
+        """An ensemble of networks of all walks, if enough survived."""
         settings, walks = self._settings, all_walks(known)
         if sum(walk.walk.survived for walk in walks) < FEWEST_SURVIVORS:
             return None
         return surrogate.fit(
             *training_data(walks, settings.space, settings.outputs),
             seed=seed_of(settings.seed, NETWORK, iteration),
-            kriged=True,
         )
 
     def propose(
@@ -75,8 +75,10 @@ class TrustRegion:
             self._told += 1
             stop = self.samples + (self._told - 1) * self.batch
             self._move(self._told, known[:stop])
-        x = self._chosen(network, iteration, known)
-        return Proposal(x=x[:count], stage="infill", network=network)
+        since = all_walks(known)[len(network.x) :]
+        kriged = KrigedNetwork(network, *training_data(since, settings.space, settings.outputs))
+        x = self._chosen(kriged, iteration, known)
+        return Proposal(x=x[:count], stage="infill", network=kriged)
 
     def _move(self, iteration: int, known: Sequence[Sample]) -> None:
         """Move the region by the last iteration, and draw from it."""
@@ -123,7 +125,7 @@ class TrustRegion:
         found_before = any(one.assessment.feasible for one in known)
         return found_before and not any(one.assessment.feasible for one in recent)
 
-    def _chosen(self, network: Surrogate, iteration: int, known: Sequence[Sample]) -> FloatArray:
+    def _chosen(self, network: Network, iteration: int, known: Sequence[Sample]) -> FloatArray:
         settings, draws = self._settings, self._draws
         best = min(known, key=lambda one: one.rank)
         middle, spread = draws.mean(axis=0), draws.std(axis=0)

@@ -23,7 +23,7 @@ DRAKE |= {"portraits", "recording", "scene", "live"}
 WALLS = {
     "pydrake": DRAKE,
     "torch": {"surrogate"},
-    "sklearn": {"kriging", "surrogate_baselines"},
+    "sklearn": {"surrogate_baselines"},
     "sqlite3": {"store"},
     "dask": {"cluster"},
     "distributed": {"cluster"},

@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
-from drake_gait import kriging
 from drake_gait.errors import SettingsError
 from drake_gait.problem import OUTPUTS
 from drake_gait.surrogate import FEWEST_SURVIVORS, fit, r_squared
@@ -181,70 +179,3 @@ def test_r2_has_its_hand_computed_values():
     predicted = np.array([[1.0, 2.0, 3.0], [2.0, 2.0, 2.0], [3.0, 2.0, 1.0]])
     # All explained; the mean explains none; the reverse is worse than the mean.
     assert r_squared(targets, predicted) == pytest.approx([1.0, 0.0, -3.0])
-
-
-def bumpy(x):
-    """What a smooth network misses: a slope, and waves that are known only near known points."""
-    return (0.1 * x[:, 0] + 0.05 * np.sin(5.0 * x[:, 1]) * np.cos(4.0 * x[:, 2]))[:, None]
-
-
-@pytest.fixture(scope="module")
-def corrected():
-    """Walks in three dimensions, where 400 lie close together; those on two crests fall."""
-    x = points(400, dimension=3)
-    survived = np.sin(5.0 * x[:, 0]) < 0.7
-    new = points(1000, seed=3, dimension=3)
-    before, after = (
-        fit(x, bumpy(x), survived, kriged=kriged).predict(new) for kriged in (False, True)
-    )
-    return new, before, after
-
-
-def test_errors_of_walks_nearby_correct_a_prediction(corrected):
-    new, before, after = corrected
-    assert r_squared(bumpy(new), after.mean) > r_squared(bumpy(new), before.mean) + 0.15
-    assert after.deviation.mean() < 0.5 * before.deviation.mean()
-
-
-def test_half_of_the_corrected_intervals_hold_what_they_promise(corrected):
-    new, _, after = corrected
-    assert 0.5 < (np.abs(bumpy(new) - after.mean) < after.deviation).mean() < 0.95
-
-
-def test_falls_nearby_correct_the_chance_to_survive(corrected):
-    new, before, after = corrected
-    survives = np.sin(5.0 * new[:, 0]) < 0.7
-    assert (after.survival > 0.0).all()
-    assert (after.survival <= 1.0).all()
-    wrong_before, wrong_after = (np.mean((p.survival - survives) ** 2) for p in (before, after))
-    assert wrong_after < 0.6 * wrong_before
-
-
-def test_kriging_says_nothing_far_from_all_walks():
-    x = points(200)
-    far = 1e4 * np.eye(16)
-    alone, kriged = (fit(x, smooth(x), everyone(x), kriged=kriged) for kriged in (False, True))
-    assert kriged.predict(far).mean == pytest.approx(alone.predict(far).mean, abs=1e-9)
-
-
-def test_kriging_of_an_output_that_never_changes_leaves_it(x):
-    network = fit(x, np.full((300, 1), 0.2), everyone(x), kriged=True)
-    assert network.predict(x[:5]).mean == pytest.approx(0.2)
-
-
-def test_noise_is_not_kriged(x):
-    noise = np.random.default_rng(1).normal(size=(300, 2))
-    network = fit(x, noise, everyone(x), kriged=True)
-    new = points(2000, seed=1)
-    fresh = np.random.default_rng(2).normal(size=(2000, 2))
-    assert (r_squared(fresh, network.predict(new).mean) > -0.35).all()
-    assert (network.predict(new).deviation > 0.8).all()
-
-
-def test_errors_that_no_process_can_be_fitted_to_are_left_as_they_are(monkeypatch):
-    # A hundred walks at one point, said to differ by no noise: the matrix is singular.
-    monkeypatch.setattr(kriging, "fitted_kernel", lambda *_: ConstantKernel(1e5) * Matern(1e3))
-    errors = np.random.default_rng(0).normal(size=100)
-    process = kriging.ErrorProcess(np.zeros((100, 3)), errors)
-    assert process(np.zeros((2, 3))).tolist() == [0.0, 0.0]
-    assert process.deviation == pytest.approx(errors.std())

@@ -1,12 +1,13 @@
-"""How well what a search had learnt told its next walks, with and without kriged errors.
+"""How well what a search had learnt told its next batch, with and without kriged errors.
 
     python tools/bench_ahead.py runs/bench_search/default/seed-*
 
-After every 200 walks of each study, from 400 on, the surrogate is fitted to the walks until then
-and predicts the next 48. It prints means over all of these: correlation of each output among the
-survivors, the area under the curve of survival and of a feasible walk, and the logarithm of the
-probability that was given to what became of a walk, feasible or not (0 is certainty). Of walks that
-a surrogate has chosen itself it knows less than of others: who chose them is at a disadvantage.
+As in a search: the network learns from all walks but the last batch, its errors are kriged with
+those of that batch, and the next batch is predicted; again after every third, from 300 walks on.
+It prints means over all of these: correlation of each output among the survivors, the area under
+the curve of survival and of a feasible walk, and the logarithm of the probability that was given
+to what became of a walk, feasible or not (0 is certainty). Of walks that a surrogate has chosen
+itself it knows less than of others: who chose them is at a disadvantage.
 """
 
 import argparse
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 
 from drake_gait import surrogate
 from drake_gait.acquisition import Acquisition
+from drake_gait.kriging import KrigedNetwork
 from drake_gait.proposal import training_data
 from drake_gait.records import CONFIRMATIONS
 from drake_gait.settings import study_settings
@@ -27,9 +29,8 @@ from drake_gait.store import Study
 from drake_gait.surrogate import Prediction
 from drake_gait.surrogate_baselines import area_under_curve, kriging
 
-FIRST, EVERY, NEXT = 400, 200, 48
+FIRST, EVERY, FEWEST = 300, 3, 5
 LEAST_CHANCE = 1e-3
-NAMES = ("network", "network, errors kriged", "kriging, the network's errors")
 
 
 def read(folder: Path) -> tuple[list[dict[str, list[float]]], tuple[str, ...]]:
@@ -39,21 +40,24 @@ def read(folder: Path) -> tuple[list[dict[str, list[float]]], tuple[str, ...]]:
         walks = [walk for walk in study.walks() if walk.id < CONFIRMATIONS]
     x, outputs, survived = training_data(walks, settings.space, settings.outputs)
     feasible = np.array([settings.assess(walk.walk).feasible for walk in walks])
-    found = []
-    for start in range(FIRST, len(walks) - NEXT + 1, EVERY):
-        before, after = slice(start), slice(start, start + NEXT)
-        learnt = x[before], outputs[before], survived[before]
-        network = surrogate.fit(*learnt)
+    batch, found = settings.search.batch, []
+    for now in range(FIRST, len(walks) - batch + 1, EVERY * batch):
+        learnt, since, after = slice(now - batch), slice(now - batch, now), slice(now, now + batch)
+        network = surrogate.fit(x[learnt], outputs[learnt], survived[learnt])
+        kriged = KrigedNetwork(network, x[since], outputs[since], survived[since])
+        without = KrigedNetwork(network, x[:0], outputs[:0], survived[:0])
+        seen = survived & (np.arange(len(x)) < now)
+        alone = network.predict(x[after])
         expected = {
-            NAMES[0]: network.predict(x[after]),
-            NAMES[1]: surrogate.fit(*learnt, kriged=True).predict(x[after]),
+            "network": alone,
+            "network, errors kriged without the last batch": without.predict(x[after]),
+            "network, errors kriged": kriged.predict(x[after]),
+            "kriging by itself, the network's errors": Prediction(
+                mean=kriging(x[seen], outputs[seen])(x[seen], outputs[seen], x[after]),
+                deviation=alone.deviation,
+                survival=alone.survival,
+            ),
         }
-        known = x[before][survived[before]], outputs[before][survived[before]]
-        expected[NAMES[2]] = Prediction(
-            mean=kriging(*known)(*known, x[after]),
-            deviation=expected[NAMES[0]].deviation,
-            survival=expected[NAMES[0]].survival,
-        )
         chance = Acquisition(
             network, settings.outputs, "forward", settings.constraints.limits, None, [], 1.0
         ).chance
@@ -70,14 +74,15 @@ def scores(
     feasible: NDArray[np.bool_],
 ) -> list[float]:
     """Correlation of every output, two areas under the curve, logarithm of the probability."""
-    pairs = zip(outputs[survived].T, expected.mean[survived].T, strict=True)
+    told = zip(outputs[survived].T, expected.mean[survived].T, strict=True)
+    enough = survived.sum() >= FEWEST
     areas = (
         area_under_curve(survived, expected.survival),
         area_under_curve(feasible, chance),
     )
     given = np.clip(np.where(feasible, chance, 1.0 - chance), LEAST_CHANCE, 1.0)
     return [
-        *(float(np.corrcoef(truth, mean)[0, 1]) for truth, mean in pairs),
+        *(float(np.corrcoef(pair)[0, 1]) if enough else np.nan for pair in told),
         *(np.nan if area is None else area for area in areas),
         float(np.log(given).mean()),
     ]
@@ -94,9 +99,9 @@ def main() -> None:
         found += rows
     columns = [f"r of {name}" for name in outputs]
     columns += ["AUC of survival", "AUC of feasible", "log probability"]
-    print(f"{len(found)} times {NEXT} walks\n\n| model | {' | '.join(columns)} |")
+    print(f"{len(found)} batches\n\n| model | {' | '.join(columns)} |")
     print("|---|" + "---|" * len(columns))
-    for name in NAMES:
+    for name in found[0]:
         means = np.nanmean([row[name] for row in found], axis=0)
         print(f"| {name} | {' | '.join(f'{mean:.2f}' for mean in means)} |")
 
