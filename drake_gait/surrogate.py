@@ -173,14 +173,13 @@ class Surrogate:
     def predict(self, x: FloatArray) -> Prediction:
         """Predictions for design vectors, shape (n, d)."""
         members = self._members(x)
-        mean = members.mean(axis=0)
         deviation = np.sqrt(members.var(axis=0) + self._residual**2)
         survival = np.ones(len(x))
         if self._classifier is not None:
             with torch.no_grad():
                 logits = self._classifier(torch.from_numpy(np.asarray(x, dtype=float)))
             survival = torch.sigmoid(logits).mean(dim=0)[:, 0].numpy()
-        return Prediction(mean=mean, deviation=deviation, survival=survival)
+        return Prediction(mean=members.mean(axis=0), deviation=deviation, survival=survival)
 
     def _members(self, x: FloatArray) -> FloatArray:
         with torch.no_grad():

@@ -4,13 +4,14 @@ A network that does not beat a straight line is not worth its name, so each is f
 predicts the walks that the network's members predict: each walk is left out with the same fold.
 """
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize
+from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
-from sklearn.gaussian_process.kernels import ConstantKernel, Kernel, Matern, WhiteKernel
+from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 from sklearn.linear_model import LogisticRegressionCV, RidgeCV
 from sklearn.metrics import roc_auc_score
 
@@ -22,8 +23,8 @@ Model = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 
 _PENALTIES = np.logspace(-2.0, 5.0, 15)
 _COSTS = np.logspace(-3.0, 2.0, 6)
-_FEWEST_OF_A_CLASS = 10
 _KERNEL_WALKS = 256
+_FEWEST_OF_A_CLASS = 10
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -85,12 +86,22 @@ def ridge(x: FloatArray, outputs: FloatArray, new: FloatArray) -> FloatArray:
 
 
 def kriging(x: FloatArray, outputs: FloatArray) -> Model:
-    """A Gaussian process for every output, whose kernel is found once for all folds."""
+    """A Gaussian process of one Matérn 5/2 kernel and white noise for every output.
+
+    The three numbers of a kernel are those of largest likelihood on at most 256 of the walks given
+    here, found once for all folds: three numbers hardly tell one walk from the others.
+    """
     offset, scale = _scaling(outputs)
-    kernels = {
-        column: _fitted_kernel(x, (outputs[:, column] - offset[column]) / scale[column])
-        for column in np.flatnonzero(np.ptp(outputs, axis=0) > 0.0)
-    }
+    chosen = np.random.default_rng(len(x)).permutation(len(x))[:_KERNEL_WALKS]
+    kernel = ConstantKernel() * Matern(4.0, (0.3, 1e3), nu=2.5) + WhiteKernel(0.1, (1e-5, 1e1))
+    varying = np.ptp(outputs, axis=0) > 0.0
+    kernels = {}
+    for column in np.flatnonzero(varying):
+        target = (outputs[chosen, column] - offset[column]) / scale[column]
+        with warnings.catch_warnings():
+            # Of pure noise the best length is the longest: at the bound, as it should be.
+            warnings.simplefilter("ignore", ConvergenceWarning)
+            kernels[column] = GaussianProcessRegressor(kernel).fit(x[chosen], target).kernel_
 
     def model(known: FloatArray, values: FloatArray, new: FloatArray) -> FloatArray:
         predicted = np.tile(values.mean(axis=0), (len(new), 1))
@@ -101,28 +112,6 @@ def kriging(x: FloatArray, outputs: FloatArray) -> Model:
         return predicted
 
     return model
-
-
-def _fitted_kernel(x: FloatArray, standard: FloatArray) -> Kernel:
-    """A Matérn 5/2 kernel and white noise, for values of about unit variance, shape (n,).
-
-    Its three numbers are those of largest likelihood on at most 256 of the points: three numbers
-    hardly tell one walk from the others.
-    """
-    chosen = np.random.default_rng(len(x)).permutation(len(x))[:_KERNEL_WALKS]
-    kernel = ConstantKernel() * Matern(4.0, (0.3, 1e3), nu=2.5) + WhiteKernel(0.1, (1e-5, 1e1))
-    process = GaussianProcessRegressor(kernel, optimizer=None).fit(x[chosen], standard[chosen])
-
-    def unlikelihood(theta: FloatArray) -> tuple[float, FloatArray]:
-        value, slope = process.log_marginal_likelihood(
-            theta, eval_gradient=True, clone_kernel=False
-        )
-        return -value, -slope
-
-    # The regressor's own search warns where the best length is the longest, as of pure noise it
-    # should be, and warnings cannot be silenced for one thread alone.
-    found = minimize(unlikelihood, kernel.theta, jac=True, method="L-BFGS-B", bounds=kernel.bounds)
-    return kernel.clone_with_theta(found.x)
 
 
 def logistic(x: FloatArray, survived: FloatArray, new: FloatArray) -> FloatArray:

@@ -97,7 +97,7 @@ def scores(name: str, data: Data) -> list[float]:
         labels = survived[:, None].astype(float)
         survival = heldout(model(x, labels), x, labels, surrogate.folds_of(len(x), 0))[:, 0]
         seconds = time.process_time() - started
-    auc = None if survival is None else area_under_curve(survived, survival)
+    auc = area_under_curve(survived, survival)
     return [*map(float, r2), np.nan if auc is None else auc, seconds]
 
 
