@@ -16,8 +16,8 @@ from sphinx.util.typing import stringify_annotation
 from sphinx.writers.html5 import HTML5Translator
 
 import drake_gait
-from drake_gait.box import Array
 from drake_gait.gait import FloatArray
+from drake_gait.optimizers._box import Array
 
 project = "drake_gait"
 version = release = drake_gait.__version__

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from drake_gait.foot import FootDesign
     from drake_gait.gait import Gait
-    from drake_gait.problem import Candidate, Constraints, DesignSpace, assess
+    from drake_gait.problem.problem import Candidate, Constraints, DesignSpace, assess
     from drake_gait.servo import Servo
-    from drake_gait.settings import read_study
-    from drake_gait.simulation import simulate
-    from drake_gait.store import Study
+    from drake_gait.simulation.simulate import simulate
+    from drake_gait.study.settings import read_study
+    from drake_gait.study.store import Study
     from drake_gait.walk import Fidelity, Outcome, Walk, WalkSettings
 
 __version__ = "0.1.0"
@@ -24,11 +24,11 @@ __version__ = "0.1.0"
 _HOMES = {
     "foot": ("FootDesign",),
     "gait": ("Gait",),
-    "problem": ("Candidate", "Constraints", "DesignSpace", "assess"),
+    "problem.problem": ("Candidate", "Constraints", "DesignSpace", "assess"),
     "servo": ("Servo",),
-    "settings": ("read_study",),
-    "simulation": ("simulate",),
-    "store": ("Study",),
+    "study.settings": ("read_study",),
+    "simulation.simulate": ("simulate",),
+    "study.store": ("Study",),
     "walk": ("Fidelity", "Outcome", "Walk", "WalkSettings"),
 }
 

@@ -26,6 +26,9 @@ def file_sha256(path: Path) -> str:
 @lru_cache(maxsize=1)
 def source_sha256() -> str:
     """Fingerprint of this package's source, as it was when this was first asked for."""
-    sources = sorted(Path(__file__).parent.glob("*.py"))
-    digests = "".join(f"{path.name} {file_sha256(path)}\n" for path in sources)
+    folder = Path(__file__).parent
+    sources = sorted(folder.rglob("*.py"))
+    digests = "".join(
+        f"{path.relative_to(folder).as_posix()} {file_sha256(path)}\n" for path in sources
+    )
     return hashlib.sha256(digests.encode()).hexdigest()

@@ -13,18 +13,18 @@ from pathlib import Path
 import numpy as np
 
 from drake_gait import Candidate, FootDesign, Gait, Study, WalkSettings, assess, simulate
-from drake_gait.confirmation import winner
 from drake_gait.foot import N_MM_PER_DEG
-from drake_gait.problem import OUTPUTS, Constraints
-from drake_gait.proposal import training_data
-from drake_gait.ranking import best_walk, feasible_walks
-from drake_gait.recording import record
-from drake_gait.records import StudyWalk
-from drake_gait.result import in_words
-from drake_gait.settings import default_study, study_settings
-from drake_gait.surrogate import fit
+from drake_gait.problem.problem import OUTPUTS, Constraints
+from drake_gait.report.result import in_words
+from drake_gait.search.confirmation import winner
+from drake_gait.search.proposal import training_data
+from drake_gait.search.ranking import best_walk, feasible_walks
+from drake_gait.study.records import StudyWalk
+from drake_gait.study.settings import default_study, study_settings
+from drake_gait.surrogates.ensemble import fit
+from drake_gait.visualization.recording import record
+from drake_gait.visualization.walk import waveforms
 from drake_gait.walk import Fidelity
-from drake_gait.walk_figures import waveforms
 
 parser = argparse.ArgumentParser(description=(__doc__ or "").partition(":")[0], allow_abbrev=False)
 parser.add_argument("--out", type=Path, default=Path("runs/tutorial"), help="folder to write")

@@ -8,17 +8,18 @@ import numpy as np
 import pytest
 from hypothesis import settings as hypothesis_settings
 
-from drake_gait import proposal, surrogate
+from drake_gait.execution.local import Finished
 from drake_gait.foot import FootDesign
 from drake_gait.gait import Gait
-from drake_gait.plan import ConfirmationSettings, SearchSettings
-from drake_gait.problem import Candidate, DesignSpace
-from drake_gait.records import StudyWalk
-from drake_gait.search import search
-from drake_gait.settings import StudySettings, read_study
-from drake_gait.store import Study
+from drake_gait.problem.problem import Candidate, DesignSpace
+from drake_gait.search import proposal
+from drake_gait.search.loop import search
+from drake_gait.study.records import StudyWalk
+from drake_gait.study.search_settings import ConfirmationSettings, SearchSettings
+from drake_gait.study.settings import StudySettings, read_study
+from drake_gait.study.store import Study
+from drake_gait.surrogates import ensemble as surrogate
 from drake_gait.walk import Measures, Outcome, Walk
-from drake_gait.workers import Finished
 
 # A law is no race: other processes may hold the machine while an example runs.
 hypothesis_settings.register_profile("laws", deadline=None, max_examples=40)

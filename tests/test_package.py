@@ -13,8 +13,8 @@ AWAY_FROM_THE_CHECKOUT = """
 import numpy, sys
 from pathlib import Path
 from drake_gait import Candidate, simulate
-from drake_gait.robot import model_path, models_folder
-from drake_gait.settings import default_study, read_study
+from drake_gait.simulation.plant import model_path, models_folder
+from drake_gait.study.settings import default_study, read_study
 for path in (model_path(), models_folder() / "package.xml", default_study()):
     assert Path(sys.argv[1]) in path.parents, path
 space = read_study(default_study()).space
@@ -30,7 +30,7 @@ def test_the_wheel_walks_away_from_the_checkout(tmp_path: Path) -> None:
     site = tmp_path / "site"
     zipfile.ZipFile(wheel).extractall(site)
     assert (site / "drake_gait" / "py.typed").is_file()
-    assert (site / "drake_gait" / "recording_panel.html").is_file()
+    assert (site / "drake_gait" / "visualization" / "recording_panel.html").is_file()
     subprocess.run(
         [sys.executable, "-c", AWAY_FROM_THE_CHECKOUT, str(site)],
         check=True,

@@ -29,8 +29,11 @@ def test_a_fingerprint_is_the_sha256_of_the_file(tmp_path):
 def test_the_fingerprint_of_the_source_is_that_of_a_copy_until_one_line_changes(tmp_path):
     copy = tmp_path / "drake_gait"
     copy.mkdir()
-    for path in Path(drake_gait.__file__).parent.glob("*.py"):
-        (copy / path.name).write_bytes(path.read_bytes())
+    package = Path(drake_gait.__file__).parent
+    for path in package.rglob("*.py"):
+        target = copy / path.relative_to(package)
+        target.parent.mkdir(exist_ok=True)
+        target.write_bytes(path.read_bytes())
 
     def fingerprint_of_copy():
         code = "from drake_gait.provenance import source_sha256; print(source_sha256())"

@@ -19,15 +19,15 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from numpy.typing import NDArray
 
-from drake_gait import surrogate
-from drake_gait.acquisition import Acquisition
-from drake_gait.kriging import KrigedNetwork
-from drake_gait.proposal import training_data
-from drake_gait.records import CONFIRMATIONS
-from drake_gait.settings import study_settings
-from drake_gait.store import Study
-from drake_gait.surrogate import Prediction
-from drake_gait.surrogate_baselines import area_under_curve, kriging
+from drake_gait.search.acquisition import Acquisition
+from drake_gait.search.proposal import training_data
+from drake_gait.study.records import CONFIRMATIONS
+from drake_gait.study.settings import study_settings
+from drake_gait.study.store import Study
+from drake_gait.surrogates import ensemble as surrogate
+from drake_gait.surrogates.baselines import area_under_curve, kriging
+from drake_gait.surrogates.ensemble import Prediction
+from drake_gait.surrogates.residual_gp import KrigedNetwork
 
 FIRST, EVERY, FEWEST = 300, 3, 5
 LEAST_CHANCE = 1e-3

@@ -26,8 +26,8 @@ import numpy as np
 from isade_problems import PROBLEMS, TUNING, Problem
 from numpy.typing import NDArray
 
-from drake_gait.isade import VARIANTS, Isade, minimize
-from drake_gait.variation import neighbours
+from drake_gait.optimizers._variation import neighbours
+from drake_gait.optimizers.isade import VARIANTS, Isade, minimize
 
 Array = NDArray[np.float64]
 

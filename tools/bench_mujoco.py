@@ -31,11 +31,11 @@ from make_models import Mass, Shape, element, numbers
 
 from drake_gait.foot import FootDesign
 from drake_gait.gait import FRAME_TIME, FRAMES, JOINTS, FloatArray
-from drake_gait.problem import Candidate
-from drake_gait.robot import GROUND_FRICTION
+from drake_gait.problem.problem import Candidate
 from drake_gait.servo import Servo
-from drake_gait.settings import default_study
-from drake_gait.simulation import simulate
+from drake_gait.simulation.plant import GROUND_FRICTION
+from drake_gait.simulation.simulate import simulate
+from drake_gait.study.settings import default_study
 from drake_gait.walk import FALL_HEIGHT, FALL_TILT, Fidelity, Outcome, Walk, WalkSettings
 
 STEPS = (0.001, 0.002)

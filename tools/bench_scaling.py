@@ -19,14 +19,14 @@ from pathlib import Path
 
 import numpy as np
 
-from drake_gait.problem import Candidate, DesignSpace, Trial
-from drake_gait.records import StudyWalk
-from drake_gait.search import search
-from drake_gait.settings import StudySettings, default_study, read_study
-from drake_gait.simulation import walk_trial
-from drake_gait.store import Study
+from drake_gait.execution.local import LocalProcesses, RemoteWorkers, Timed
+from drake_gait.problem.problem import Candidate, DesignSpace, Trial
+from drake_gait.search.loop import search
+from drake_gait.simulation.simulate import walk_trial
+from drake_gait.study.records import StudyWalk
+from drake_gait.study.settings import StudySettings, default_study, read_study
+from drake_gait.study.store import Study
 from drake_gait.walk import Outcome, Walk
-from drake_gait.workers import LocalProcesses, RemoteWorkers, Timed
 
 WALK_TIME = 0.25
 """Duration of a stand-in walk [s]."""

@@ -18,12 +18,12 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from scipy.stats import spearmanr
 
-from drake_gait.confirmation import finalists
 from drake_gait.gait import FloatArray
-from drake_gait.problem import quantity
-from drake_gait.settings import study_settings
-from drake_gait.simulation import simulate
-from drake_gait.store import Study
+from drake_gait.problem.problem import quantity
+from drake_gait.search.confirmation import finalists
+from drake_gait.simulation.simulate import simulate
+from drake_gait.study.settings import study_settings
+from drake_gait.study.store import Study
 from drake_gait.walk import Measures
 
 _VARIATIONS = 2  # One on more slippery ground, one on less.

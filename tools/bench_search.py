@@ -21,17 +21,17 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from drake_gait.confirmation import winner
-from drake_gait.plan import Mode
-from drake_gait.ranking import best_walk
-from drake_gait.records import CONFIRMATIONS
-from drake_gait.result import PAPER_TABLE
-from drake_gait.search import search
-from drake_gait.settings import StudySettings, default_study, read_study
-from drake_gait.simulation import walk_trial
-from drake_gait.store import Study
-from drake_gait.study import open_study
-from drake_gait.workers import Serial
+from drake_gait.execution.local import Serial
+from drake_gait.optimization import open_study
+from drake_gait.report.result import PAPER_TABLE
+from drake_gait.search.confirmation import winner
+from drake_gait.search.loop import search
+from drake_gait.search.ranking import best_walk
+from drake_gait.simulation.simulate import walk_trial
+from drake_gait.study.records import CONFIRMATIONS
+from drake_gait.study.search_settings import Mode
+from drake_gait.study.settings import StudySettings, default_study, read_study
+from drake_gait.study.store import Study
 
 CONFIRMED = (Mode.DEFAULT, Mode.CMAES)
 """Modes whose best candidates are walked again; the others do not come near them."""

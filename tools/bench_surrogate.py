@@ -25,12 +25,12 @@ from numpy.typing import NDArray
 from sklearn.ensemble import RandomForestRegressor
 from sklearn.preprocessing import PolynomialFeatures
 
-from drake_gait import surrogate
-from drake_gait.proposal import training_data
-from drake_gait.records import CONFIRMATIONS
-from drake_gait.settings import default_study, read_study
-from drake_gait.store import Study
-from drake_gait.surrogate_baselines import (
+from drake_gait.search.proposal import training_data
+from drake_gait.study.records import CONFIRMATIONS
+from drake_gait.study.settings import default_study, read_study
+from drake_gait.study.store import Study
+from drake_gait.surrogates import ensemble as surrogate
+from drake_gait.surrogates.baselines import (
     Model,
     area_under_curve,
     heldout,

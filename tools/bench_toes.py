@@ -14,14 +14,15 @@ from dataclasses import replace
 import numpy as np
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_gait import Candidate, FootDesign, Gait, simulate, simulation
+from drake_gait import Candidate, FootDesign, Gait, simulate
+from drake_gait.execution.worker_process import resident_memory
 from drake_gait.foot import DESIGN_LIMITS
 from drake_gait.gait import FloatArray
-from drake_gait.robot import add_robot, build_robot
 from drake_gait.servo import Servo
-from drake_gait.settings import default_study, read_study
+from drake_gait.simulation import simulate as simulation
+from drake_gait.simulation.plant import add_robot, build_robot
+from drake_gait.study.settings import default_study, read_study
 from drake_gait.walk import DEFAULT_MODEL, INTEGRATORS, Fidelity, Walk, WalkSettings
-from drake_gait.worker_process import resident_memory
 
 NOISE = np.radians(0.05)
 

@@ -34,15 +34,15 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from soak import children
 
-from drake_gait import simulation
+from drake_gait.execution.local import LocalProcesses
 from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray, Gait
-from drake_gait.problem import Candidate, assess
-from drake_gait.proposal import design_of_experiments
-from drake_gait.ranking import feasible_walks
-from drake_gait.settings import StudySettings, default_study, read_study, study_settings
-from drake_gait.store import Study
+from drake_gait.problem.problem import Candidate, assess
+from drake_gait.search.proposal import design_of_experiments
+from drake_gait.search.ranking import feasible_walks
+from drake_gait.simulation import simulate as simulation
+from drake_gait.study.settings import StudySettings, default_study, read_study, study_settings
+from drake_gait.study.store import Study
 from drake_gait.walk import Fidelity, Integrator, Walk, WalkSettings
-from drake_gait.workers import LocalProcesses
 
 INTEGRATORS = {
     "CENIC, 10 ms": Integrator(step=0.010),
@@ -273,7 +273,7 @@ def workers(candidates: list[Candidate], walk: WalkSettings, starts: int = 5) ->
     for _ in range(starts):
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         start = time.perf_counter()
-        subprocess.run([sys.executable, "-c", "import drake_gait.simulation"], check=True)
+        subprocess.run([sys.executable, "-c", "import drake_gait.simulation.simulate"], check=True)
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         cold.append((time.perf_counter() - start, after.ru_utime + after.ru_stime
                      - before.ru_utime - before.ru_stime))  # fmt: skip

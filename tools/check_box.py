@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 from bench_walk import walks_of_box
 
-from drake_gait.problem import assess
-from drake_gait.settings import default_study
-from drake_gait.simulation import simulate
-from drake_gait.workers import LocalProcesses
+from drake_gait.execution.local import LocalProcesses
+from drake_gait.problem.problem import assess
+from drake_gait.simulation.simulate import simulate
+from drake_gait.study.settings import default_study
 
 
 def main() -> None:

@@ -24,14 +24,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
+from drake_gait.cli.replay import choose
 from drake_gait.errors import GaitError
-from drake_gait.figures import GAIT_PHASES, STYLE
 from drake_gait.gait import FRAME_TIME, Gait
-from drake_gait.problem import Candidate
-from drake_gait.recording import record
-from drake_gait.replay import choose
-from drake_gait.report_page import FIGURES
-from drake_gait.simulation import simulate
+from drake_gait.problem.problem import Candidate
+from drake_gait.report.page import FIGURES
+from drake_gait.simulation.simulate import simulate
+from drake_gait.visualization.recording import record
+from drake_gait.visualization.style import GAIT_PHASES, STYLE
 from drake_gait.walk import History, WalkSettings
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
@@ -90,7 +90,7 @@ def save_figures(folder: Path, out: Path) -> None:
     for name in OF_THE_STUDY:
         path = folder / FIGURES / f"{name}.png"
         if not path.is_file():
-            raise SystemExit(f"there is no {path}; `python -m drake_gait.report {folder}` draws it")
+            raise SystemExit(f"there is no {path}; `python -m drake_gait report {folder}` draws it")
         few_colours(Image.open(path)).save(out / path.name, optimize=True)
         tell(out / path.name)
 

@@ -18,7 +18,7 @@ import time
 from collections import Counter
 from pathlib import Path
 
-from drake_gait.store import Study
+from drake_gait.study.store import Study
 from drake_gait.walk import Outcome
 
 

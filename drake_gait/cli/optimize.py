@@ -1,0 +1,155 @@
+"""Search the gaits of a study: `python -m drake_gait.optimize [STUDY.toml]`.
+
+Without arguments it runs the default study, studies/steady.toml. The same command again goes on
+with an unfinished study, and a larger --simulations with a finished one. In the study's folder it
+leaves study.db (every walk), report.html (what came out), result.json, walk.html (a recording)
+and figures.
+"""
+
+import argparse
+import functools
+import os
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from drake_gait.cli._signals import ctrl_c_ends_at_once, exit_status, leave, sigterm_interrupts
+
+if __name__ == "__main__":
+    ctrl_c_ends_at_once()  # Before the slow imports.
+
+from drake_gait.cli.progress import display
+from drake_gait.errors import GaitError
+from drake_gait.optimization import open_study, run_study
+from drake_gait.report.build import write_outputs
+from drake_gait.report.result import (
+    baselines_line,
+    in_words,
+    manner_in_words,
+    r_squared_line,
+    robust_table,
+    table,
+)
+from drake_gait.study.records import CONFIRMATIONS
+from drake_gait.study.settings import StudySettings, default_study, read_override, read_study
+from drake_gait.study.store import Study
+from drake_gait.surrogates.ensemble import FEWEST_SURVIVORS
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """What the command line says."""
+
+    study: Path
+    """The study's TOML file."""
+    overrides: tuple[str, ...]
+    """Settings that take the place of the file's, each section.key=value; the last one counts."""
+    workers: int
+    """Processes that simulate."""
+    dask: str | None
+    """A Dask cluster that simulates instead of processes: its address or file, or "local"."""
+    out: Path | None
+    """The study's folder; runs/<study> if None."""
+
+    def settings(self) -> StudySettings:
+        """The study's settings, with what the command line overrides."""
+        return read_study(self.study, dict(read_override(text) for text in self.overrides))
+
+
+def parse(arguments: Sequence[str] | None = None) -> Options:
+    """Read the command line; exits with status 2 where it cannot."""
+    summary_line, _, rest = (__doc__ or "").partition("\n\n")
+    parser = argparse.ArgumentParser(
+        prog="python -m drake_gait.optimize",
+        description=summary_line.split(":")[0],
+        epilog=rest,
+        allow_abbrev=False,
+    )
+    parser.add_argument(
+        "study",
+        nargs="?",
+        type=Path,
+        metavar="STUDY.toml",
+        help="a study's settings (studies/steady.toml)",
+    )
+    set_by = functools.partial(parser.add_argument, action="append", dest="overrides", default=[])
+    set_by("--set", metavar="SECTION.KEY=VALUE", help="override a setting of the file; repeatable")
+    set_by("--samples", type=_sets("search.samples"), help="walks of the design of experiments")
+    set_by("--simulations", type=_sets("search.simulations"), help="walks in all, samples included")
+    set_by("--seed", type=_sets("study.seed"), help="seed of every random number")
+    parser.add_argument("--workers", type=int, help="processes that simulate (one per core)")
+    parser.add_argument(
+        "--dask",
+        metavar="ADDRESS",
+        help="simulate on a Dask cluster: tcp://HOST:8786, its scheduler file, or local",
+    )
+    parser.add_argument("--out", type=Path, help="the study's folder (runs/<study>)")
+    found = parser.parse_args(arguments)
+    if found.workers is not None and found.workers < 1:
+        parser.error(f"argument --workers: must be >= 1, got {found.workers}")
+    found.workers = found.workers or len(os.sched_getaffinity(0))
+    found.study, found.overrides = found.study or default_study(), tuple(found.overrides)
+    return Options(**vars(found))
+
+
+def _sets(name: str) -> Callable[[str], str]:
+    """Reads an option that is short for `--set name=VALUE`."""
+    return f"{name}={{}}".format
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit status."""
+    options = parse(arguments)
+    try:
+        with sigterm_interrupts():
+            settings = options.settings()
+            folder = options.out or Path("runs") / settings.name
+            return _run(settings, folder, options.workers, options.dask)
+    except GaitError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt as interruption:
+        print("\nstopped; what was simulated is safe, and the same command goes on", flush=True)
+        return exit_status(interruption)
+
+
+def _run(settings: StudySettings, folder: Path, workers: int, dask: str | None) -> int:
+    with open_study(settings, folder) as study:
+        if "finished" in study.description():
+            print(
+                f"{folder} is finished; more --simulations go on with it, another seed or --out "
+                "starts another study"
+            )
+        else:
+            walks = sum(walk.id < CONFIRMATIONS for walk in study.walks())
+            with display(settings, walks) as show:
+                run_study(settings, study, workers, show, dask=dask)
+        _write_results(settings, study, folder)
+    return 0
+
+
+def _write_results(settings: StudySettings, study: Study, folder: Path) -> None:
+    """Write what the study's folder is to hold, and print the table."""
+    walks, wall_s = study.walks(), study.description()["wall_s"]
+    written = write_outputs(settings, walks, folder, wall_s=wall_s)
+    if written.network is not None:
+        print(f"network of all {len(walks)} walks: {r_squared_line(written.network)}")
+        print(baselines_line(written.result))
+    else:
+        print(
+            f"no network: {written.result['survivors']} of {len(walks)} walks survived, and it "
+            f"needs {FEWEST_SURVIVORS}; move the box to gaits that walk, or draw more samples"
+        )
+    print(f"\n{table(walks, settings.constraints)}\n")
+    print(f"walked again, with noise and other friction:\n{robust_table(settings, walks)}\n")
+    feasible = written.result["feasible"]
+    verdict = "best feasible walk" if feasible else "no feasible walk; the nearest"
+    print(f"{verdict}: {in_words(written.best.walk)}")
+    if written.replayed.measures is not None:
+        print(f"how it walks: {manner_in_words(written.replayed.measures)}")
+    print(f"{folder}: report.html, result.json, walk.html, study.db, figures")
+
+
+if __name__ == "__main__":
+    leave(main())

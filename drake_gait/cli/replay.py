@@ -1,0 +1,190 @@
+"""Show walks of a study: `python -m drake_gait replay RUN --out FILE.html`.
+
+The best walk, or the one that --walk names, is simulated anew, as the study did. It is written as
+one self-contained page, or, with --live, shown in a browser while it is simulated. --gallery puts
+the best walks of several studies side by side into one page, for example of several seeds, and
+--rigid-toes puts every walk beside itself on a foot whose toes cannot bend.
+"""
+
+import argparse
+import dataclasses
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from drake_gait.errors import GaitError, StudyError
+from drake_gait.provenance import file_sha256
+from drake_gait.report.result import in_words
+from drake_gait.search.confirmation import walked_as, winner
+from drake_gait.search.ranking import best_walk
+from drake_gait.simulation.plant import model_path
+from drake_gait.simulation.simulate import simulate
+from drake_gait.study.records import CONFIRMATIONS, StudyWalk
+from drake_gait.study.settings import StudySettings, study_settings
+from drake_gait.study.store import Study
+from drake_gait.visualization.live import Screen
+from drake_gait.visualization.meshcat import start_meshcat
+from drake_gait.visualization.recording import Exhibit, record, record_gallery
+from drake_gait.walk import Walk, WalkSettings
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Options:
+    """What the command line says."""
+
+    folder: Path
+    """A study's folder."""
+    walk: int | None
+    """Number of its walk; the best one if None."""
+    out: Path | None
+    """The page to write."""
+    gallery: list[Path] | None
+    """Further folders, for a page of several walks."""
+    rigid_toes: bool
+    """Whether every walk of a gallery is beside itself on rigid toes."""
+    live: bool
+    """Whether to show the walk while it is simulated."""
+    port: int | None
+    """Port of the page that shows it."""
+
+
+def parse(arguments: Sequence[str] | None = None) -> Options:
+    """Read the command line; exits with status 2 where it cannot."""
+    summary, _, rest = (__doc__ or "").partition("\n\n")
+    parser = argparse.ArgumentParser(
+        prog="python -m drake_gait replay",
+        description=summary.partition(":")[0],
+        epilog=rest,
+        allow_abbrev=False,
+    )
+    parser.add_argument("folder", type=Path, metavar="RUN", help="a study's folder")
+    parser.add_argument("--walk", type=int, metavar="ID", help="its number (the best walk)")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="the page to write")
+    parser.add_argument(
+        "--gallery", type=Path, nargs="*", metavar="RUN", help="walks of these studies beside it"
+    )
+    parser.add_argument(
+        "--rigid-toes", action="store_true", help="every walk also on toes that cannot bend"
+    )
+    parser.add_argument("--live", action="store_true", help="show it while it is simulated")
+    parser.add_argument("--port", type=int, help="port of the live page (the first free one)")
+    found = Options(**vars(parser.parse_args(arguments)))
+    if found.live == (found.out is not None):
+        parser.error("give --out FILE to write a page, or --live to watch")
+    if found.port is not None and not (found.live and 1024 <= found.port <= 65535):
+        parser.error(f"argument --port: is for --live, from 1024 to 65535, got {found.port}")
+    if found.live and (found.gallery is not None or found.rigid_toes):
+        parser.error("--live shows one walk; --gallery and --rigid-toes need --out FILE")
+    return found
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit status."""
+    options = parse(arguments)
+    try:
+        if options.out is None:
+            _watch(options.folder, options.walk, options.port)
+        elif options.gallery is None and not options.rigid_toes:
+            _replay(options.folder, options.walk, options.out)
+        else:
+            _show_side_by_side(options, options.out)
+    except GaitError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print()
+    return 0
+
+
+def _replay(folder: Path, number: int | None, out: Path) -> None:
+    settings, chosen, as_then = choose(folder, number)
+    walk = simulate(chosen.candidate, as_then, history=True)
+    caption = f"{settings.name}, walk {chosen.id}: {in_words(walk)}"
+    record(walk, chosen.candidate, out, model=settings.walk.model, caption=caption)
+    print(f"{out}: {caption}")
+    _warn_of_difference(folder, walk, chosen)
+
+
+def _show_side_by_side(options: Options, out: Path) -> None:
+    exhibits = []
+    for folder in [options.folder, *(options.gallery or [])]:
+        number = options.walk if folder == options.folder else None
+        settings, chosen, as_then = choose(folder, number)
+        candidates = {"": chosen.candidate}
+        if options.rigid_toes:
+            stiff = dataclasses.replace(chosen.candidate.foot, rigid_toes=True)
+            candidates[", rigid toes"] = dataclasses.replace(chosen.candidate, foot=stiff)
+        for words, candidate in candidates.items():
+            walk = simulate(candidate, as_then, history=True)
+            if not words:
+                _warn_of_difference(folder, walk, chosen)
+            label = f"{folder.resolve().name}, walk {chosen.id}{words}: {_ending(walk)}"
+            exhibits.append(
+                Exhibit(walk=walk, candidate=candidate, label=label, model=settings.walk.model)
+            )
+            print(label)
+    record_gallery(exhibits, out, caption=f"{len(exhibits)} walks at the same time")
+    print(out)
+
+
+def _watch(folder: Path, number: int | None, port: int | None) -> None:
+    settings, chosen, as_then = choose(folder, number)
+    meshcat = start_meshcat(port)
+    screen = Screen(meshcat, settings.walk.model, chosen.candidate.foot)
+    print(f"open {meshcat.web_url()} to watch; Ctrl-C ends it", flush=True)
+    while meshcat.GetNumActiveConnections() == 0:
+        time.sleep(0.1)
+    walk = simulate(chosen.candidate, as_then, watch=screen.show)
+    print(f"{settings.name}, walk {chosen.id}: {in_words(walk)}", flush=True)
+    while meshcat.GetNumActiveConnections() > 0:  # until its last reader has gone
+        time.sleep(0.1)
+
+
+def choose(folder: Path, number: int | None) -> tuple[StudySettings, StudyWalk, WalkSettings]:
+    """A study's settings, one of its walks (the winner if None), and how that was simulated.
+
+    Raises:
+        StudyError: there is no such study or walk, or another robot walked it.
+    """
+    with Study.open(folder / "study.db") as study:
+        settings = study_settings(study.description()["settings"])
+        study.require({"model_sha256": file_sha256(model_path(settings.walk.model))})
+        walks = study.walks()
+    if not walks:
+        raise StudyError(f"{folder} has no walks yet")
+    if number is None:
+        robust, objective = winner(settings, walks), settings.search.objective
+        chosen = robust.walk if robust else best_walk(walks, settings.constraints, objective)
+    else:
+        chosen = _find(walks, number)
+    return settings, chosen, walked_as(settings, chosen)
+
+
+def _warn_of_difference(folder: Path, walk: Walk, chosen: StudyWalk) -> None:
+    if in_words(walk) != in_words(chosen.walk):
+        print(
+            f"warning: the study in {folder} has {in_words(chosen.walk)} for it; other versions or "
+            "another processor walk otherwise",
+            file=sys.stderr,
+        )
+
+
+def _ending(walk: Walk) -> str:
+    """The distance, or why there is none, as text."""
+    return f"{1e3 * walk.forward:.1f} mm" if walk.survived else walk.reason
+
+
+def _find(walks: list[StudyWalk], number: int) -> StudyWalk:
+    for walk in walks:
+        if walk.id == number:
+            return walk
+    last = max(walk.id for walk in walks if walk.id < CONFIRMATIONS)
+    raise StudyError(
+        f"no walk {number}; the study has walks 0 to {last}, and from {CONFIRMATIONS} on those "
+        "that confirm"
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""The problem: what is searched, and what makes one walk better than another."""

@@ -1,0 +1,178 @@
+"""What a study leaves in its folder beside study.db: its report and all that is in it."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drake_gait.errors import StudyError
+from drake_gait.gait import FloatArray
+from drake_gait.report.page import FIGURES, PORTRAIT, Run, write_study_page
+from drake_gait.report.result import in_words, summary
+from drake_gait.search.confirmation import STAGE, measured, winner
+from drake_gait.search.proposal import training_data
+from drake_gait.search.ranking import best_walk
+from drake_gait.simulation.plant import stall_torques
+from drake_gait.simulation.simulate import simulate
+from drake_gait.study.records import StudyWalk
+from drake_gait.study.settings import StudySettings
+from drake_gait.surrogates import ensemble as surrogate
+from drake_gait.surrogates.baselines import Comparison, compare
+from drake_gait.surrogates.ensemble import Surrogate
+from drake_gait.surrogates.sensitivity import sensitivity
+from drake_gait.visualization import study as study_figures
+from drake_gait.visualization import walk as walk_figures
+from drake_gait.visualization.portraits import chronophotograph, pictures
+from drake_gait.visualization.recording import record
+from drake_gait.visualization.style import save_picture
+from drake_gait.walk import History, Measures, Walk
+
+_ROOM = 0.17  # from one exposure of a portrait to the next [m]
+_MOST_EXPOSURES = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outputs:
+    """What was written, for a command to print."""
+
+    result: dict[str, Any]
+    """The content of result.json."""
+    best: StudyWalk
+    """The furthest feasible walk, or the one nearest to feasible."""
+    replayed: Walk
+    """The same walk, with its history and measures."""
+    network: Surrogate | None
+    """The network of all walks, if enough survived."""
+
+
+def write_outputs(
+    settings: StudySettings, walks: list[StudyWalk], folder: Path, *, wall_s: float
+) -> Outputs:
+    """Write result.json, walk.html, the figures and report.html of a study's walks into its folder.
+
+    Raises:
+        GaitError: a file cannot be written.
+    """
+    searched = [walk for walk in walks if walk.stage != STAGE]
+    network, baselines = _learnt(settings, searched)
+    robust = winner(settings, walks)
+    objective = settings.search.objective
+    best = robust.walk if robust else best_walk(searched, settings.constraints, objective)
+    replayed = simulate(best.candidate, settings.walk, history=True)
+    jumps = np.degrees(np.abs(best.candidate.gait.jumps)).max(axis=1)
+    result = {
+        **summary(settings, walks, network, wall_s=wall_s, baselines=baselines),
+        "measures": asdict(replayed.measures) if replayed.measures else None,
+        "jumps_deg": {"0.3 s": float(jumps[0]), "3.3 s": float(jumps[1])},
+    }
+    try:
+        (folder / "result.json").write_text(json.dumps(result, indent=2) + "\n")
+        (folder / FIGURES).mkdir(exist_ok=True)
+    except OSError as error:
+        raise StudyError(f"cannot write {error.filename}: {error.strerror}") from None
+    _draw_walk(settings, best, replayed, folder)
+    label = "winner" if robust else "best walk"
+    _draw_search(settings, searched, best, folder / FIGURES, measured(walks), label)
+    if network is not None:
+        _draw_network(settings, network, folder / FIGURES)
+    run = Run(folder=folder, settings=settings, result=result, walks=walks)
+    write_study_page(run, folder / "report.html")
+    return Outputs(result=result, best=best, replayed=replayed, network=network)
+
+
+def _learnt(
+    settings: StudySettings, walks: list[StudyWalk]
+) -> tuple[Surrogate | None, Comparison | None]:
+    """The network that all walks of the study give, and its baselines, if enough survived."""
+    x, outputs, survived = training_data(walks, settings.space, settings.outputs)
+    if survived.sum() < surrogate.FEWEST_SURVIVORS:
+        return None, None
+    network = surrogate.fit(x, outputs, survived, seed=settings.seed)
+    return network, compare(network, x, outputs, survived, seed=settings.seed)
+
+
+def _draw_walk(settings: StudySettings, best: StudyWalk, replayed: Walk, folder: Path) -> None:
+    """The recording, and the figures of one walk."""
+    history, model = replayed.history, settings.walk.model
+    if history is None:
+        return
+    caption = f"{settings.name}, walk {best.id}: {in_words(best.walk)}"
+    record(replayed, best.candidate, folder / "walk.html", model=model, caption=caption)
+    target = folder / FIGURES
+    walk_figures.waveforms(history, target / "waveforms")
+    walk_figures.paths(history, target / "paths")
+    walk_figures.ground_reaction(history, target / "ground_reaction")
+    walk_figures.torques(history, target / "torques", stall_torques(model))
+    frames = walk_figures.posture_frames(history)
+    seen = pictures(history, frames, best.candidate, model=model)
+    walk_figures.postures(history, seen, target / "postures")
+    together = chronophotograph(history, _apart(history), best.candidate, model=model)
+    save_picture(together, target / PORTRAIT)
+
+
+def _apart(history: History) -> list[int]:
+    """Frames, from first to last, in which the robot does not stand in its own way."""
+    travelled = np.hypot(*(history.com[:, :2] - history.com[0, :2]).T)
+    count = min(1 + int(travelled.max() / _ROOM), _MOST_EXPOSURES)
+    places = np.linspace(0.0, travelled[-1], count)
+    return [int(np.argmax(travelled >= place)) for place in places]
+
+
+def _draw_search(
+    settings: StudySettings,
+    walks: list[StudyWalk],
+    best: StudyWalk,
+    folder: Path,
+    found: Mapping[int, Measures],
+    label: str,
+) -> None:
+    """Figures of all walks; the measures of those that have some, by their ids."""
+    study_figures.convergence(
+        [1e3 * walk.walk.forward if walk.walk.survived else np.nan for walk in walks],
+        [settings.assess(walk.walk).feasible for walk in walks],
+        folder / "convergence",
+        samples=settings.search.samples,
+    )
+    survivors = [walk for walk in walks if walk.walk.survived]
+    if not survivors:
+        return
+    forward = [1e3 * walk.walk.forward for walk in survivors]
+    feasible = [settings.assess(walk.walk).feasible for walk in survivors]
+    study_figures.parallel_coordinates(
+        [settings.space.encode(walk.candidate) for walk in survivors],
+        forward,
+        feasible,
+        settings.space.encode(best.candidate),
+        settings.space.names,
+        folder / "coordinates",
+        label=label,
+    )
+    costs = [found[walk.id].cost_of_transport if walk.id in found else np.nan for walk in survivors]
+    if np.isfinite(costs).any():  # A study that wants distance measures its best walks only.
+        study_figures.pareto(forward, costs, feasible, folder / "pareto")
+
+
+def _draw_network(settings: StudySettings, network: Surrogate, folder: Path) -> None:
+    """What the network is worth, and what it says of the coefficients."""
+    units = np.array([1e3, 1e3, np.degrees(1.0)])
+    shown = [("Z", "mm"), ("X", "mm"), ("R", "deg")]
+    columns = slice(0, len(shown))
+    study_figures.predicted_against_simulated(
+        network.targets[:, columns] * units,
+        network.fitted[:, columns] * units,
+        network.heldout[:, columns] * units,
+        network.r2_train[columns].tolist(),
+        network.r2_heldout[columns].tolist(),
+        shown,
+        folder / "network",
+    )
+
+    def distance(x: FloatArray) -> FloatArray:
+        forward: FloatArray = network.predict(x).mean[:, 0]
+        return forward
+
+    found = sensitivity(distance, settings.space, seed=settings.seed)
+    study_figures.sensitivity(found, folder / "sensitivity")

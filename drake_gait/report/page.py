@@ -1,0 +1,234 @@
+"""A study as one web page: question, winner, figures, how the search went; or several beside.
+
+A page loads nothing: figures and recording are inside it.
+"""
+
+import base64
+import gzip
+import json
+import math
+import re
+import shlex
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from drake_gait.errors import GaitError, StudyError
+from drake_gait.gait import FRAMES
+from drake_gait.report import tables as report_tables
+from drake_gait.report.result import PAPER_TABLE
+from drake_gait.report.tables import number
+from drake_gait.search.confirmation import shuffles
+from drake_gait.study.records import StudyWalk
+from drake_gait.study.settings import StudySettings, default_study, overrides, read_study
+
+FIGURES = "figures"
+"""Folder of the figures, in a study's folder."""
+
+PORTRAIT = "portrait.png"
+"""The picture at the head of a report, beside the figures."""
+
+_WIDE = 450  # a figure of two columns is wider than this [pixel]
+_OF_THE_WALK = ("postures", "paths", "waveforms", "ground_reaction", "torques")
+_OF_THE_SEARCH = ("convergence", "sensitivity", "pareto", "network", "coordinates")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Run:
+    """A study as its folder holds it."""
+
+    folder: Path
+    """The folder."""
+    settings: StudySettings
+    """What was searched."""
+    result: Mapping[str, Any]
+    """The content of result.json."""
+    walks: Sequence[StudyWalk]
+    """Every walk."""
+
+    @property
+    def name(self) -> str:
+        """The folder's name."""
+        return self.folder.resolve().name
+
+
+def write_study_page(run: Run, path: Path) -> None:
+    """Write the report of one study.
+
+    Raises:
+        GaitError: the file cannot be written.
+    """
+    result, limits = run.result, run.settings.constraints
+    measures = result.get("measures")
+    page = _environment().get_template("report.html").render(
+        run=run,
+        result=result,
+        settings=run.settings,
+        paper_best=number(PAPER_TABLE[-1][1], 2),
+        frames=FRAMES,
+        ratio=number(result["forward_mm"] / PAPER_TABLE[-1][1], 1),
+        degrees=math.degrees(1.0),
+        shuffles=measures is not None
+        and shuffles(measures["slip"], 1e-3 * result["forward_mm"]),
+        limits={
+            "lateral": number(1e3 * limits.lateral, 0),
+            "yaw": number(math.degrees(limits.yaw), 0),
+            "com_height": number(1e3 * limits.com_height, 2),
+            # Those of a study's own, between Eqs. 11-13 and Eq. 14.
+            "others": ", ".join(name.replace("_", " ") for name in limits.names[3:-1]),
+            "yaw_swing": limits.yaw_swing and number(math.degrees(limits.yaw_swing), 0),
+        },
+        unslipping=next(
+            (walk for walk in run.walks if walk.id == result.get("best_unslipping")), None
+        ),
+        finalists=report_tables.finalists(result),
+        tables={
+            "paper": report_tables.beside_the_paper(run.walks, limits),
+            "coefficients": report_tables.coefficients(result["coefficients_deg"]),
+            "foot": report_tables.foot(result["foot"]),
+            "dropped": report_tables.finalists(result, dropped=True),
+            "finalists_manner": report_tables.manner_of_finalists(result),
+            "manner": report_tables.manner(measures) if measures else None,
+            "stages": report_tables.stages(run.walks, limits),
+            "failures": report_tables.failures(run.walks),
+            "network": report_tables.network(result),
+            "settings": report_tables.settings(run.settings.description()),
+            "versions": report_tables.versions(result["versions"]),
+        },
+        portrait=_data_uri(run.folder / FIGURES / PORTRAIT),
+        recording=_packed(run.folder / "walk.html"),
+        of_the_walk=_figures(run, _OF_THE_WALK),
+        of_the_search=_figures(run, _OF_THE_SEARCH),
+        command=command(run),
+    )  # fmt: skip
+    _write(page, path)
+
+
+def write_comparison_page(runs: Sequence[Run], path: Path) -> None:
+    """Write several studies side by side.
+
+    Raises:
+        GaitError: the file cannot be written.
+    """
+    names = [run.name for run in runs]
+    shown = [
+        {
+            **_captions()[figure],
+            "of": [shown for run in runs for shown in _figures(run, [figure], run.name)],
+        }
+        for figure in ("postures", "paths", "convergence", "sensitivity", "waveforms")
+    ]
+    page = _environment().get_template("comparison.html").render(
+        runs=runs,
+        numbers=report_tables.side_by_side(names, [run.result for run in runs]),
+        differences=report_tables.differences(names, [run.settings.description() for run in runs]),
+        figures=[figure for figure in shown if figure["of"]],
+        versions=[report_tables.versions(run.result["versions"]) for run in runs],
+        commands=[(run.name, command(run)) for run in runs],
+        furthest=max(runs, key=lambda run: (run.result["feasible"], run.result["forward_mm"])),
+    )  # fmt: skip
+    _write(page, path)
+
+
+def command(run: Run) -> str:
+    """The command that makes the same study again."""
+    settings, file = run.settings, default_study().with_name(f"{run.settings.name}.toml")
+    study = "" if file == default_study() else f" {shlex.quote(f'studies/{file.name}')}"
+    changed = overrides(settings, read_study(file)) if file.is_file() else {}
+    for short in ("study.seed", "search.samples", "search.simulations"):
+        changed.pop(short, None)
+    others = "".join(f" --set {shlex.quote(f'{key}={text}')}" for key, text in changed.items())
+    return (
+        f"python -m drake_gait.optimize{study} --seed {settings.seed} "
+        f"--samples {settings.search.samples} --simulations {settings.search.simulations}{others} "
+        f"--out {shlex.quote(f'runs/{run.name}')}"
+    )
+
+
+def read_result(folder: Path) -> dict[str, Any]:
+    """The content of a study's result.json.
+
+    Raises:
+        StudyError: there is none that can be read.
+    """
+    path = folder / "result.json"
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise StudyError(
+            f"cannot read {path}: {reason}; `python -m drake_gait report {folder}` writes it anew"
+        ) from None
+    if not isinstance(found, dict):
+        raise StudyError(f"{path} is no result of a study")
+    return found
+
+
+@lru_cache(maxsize=1)
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("drake_gait.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["number"] = number
+    return environment
+
+
+@lru_cache(maxsize=1)
+def _captions() -> dict[str, dict[str, str]]:
+    """Title and caption of each figure."""
+    file = files("drake_gait.report") / "templates" / "captions.toml"
+    return tomllib.loads(file.read_text(encoding="utf-8"))
+
+
+def _figures(run: Run, names: Sequence[str], of: str = "") -> list[dict[str, Any]]:
+    """Those figures of a study that there are, with what a page says of them."""
+    found = []
+    for name in names:
+        path = run.folder / FIGURES / f"{name}.svg"
+        if path.is_file():
+            width, height = _size(path)
+            shown = {"uri": _data_uri(path), "width": width, "height": height, "of": of}
+            found.append({**_captions()[name], **shown, "wide": width > _WIDE})
+    return found
+
+
+def _size(svg: Path) -> tuple[int, int]:
+    """Width and height of a drawing [pixel of 1/96 inch]."""
+    head = svg.read_text(encoding="utf-8")[:2000]
+    width, height = (
+        float(match.group(1)) if (match := re.search(rf'\b{side}="([0-9.]+)pt"', head)) else 400.0
+        for side in ("width", "height")
+    )
+    return round(width * 4.0 / 3.0), round(height * 4.0 / 3.0)
+
+
+def _data_uri(path: Path) -> str | None:
+    """A picture as an address that needs no file; None where there is none."""
+    if not path.is_file():
+        return None
+    kind = {".svg": "image/svg+xml", ".png": "image/png"}[path.suffix]
+    return f"data:{kind};base64,{base64.b64encode(path.read_bytes()).decode()}"
+
+
+def _packed(path: Path) -> str | None:
+    """A recording, compressed, as text; None where there is none."""
+    if not path.is_file():
+        return None
+    return base64.b64encode(gzip.compress(path.read_bytes(), mtime=0)).decode()
+
+
+def _write(page: str, path: Path) -> None:
+    try:
+        path.write_text(page, encoding="utf-8")
+    except OSError as error:
+        raise GaitError(f"cannot write the report {path}: {error.strerror}") from None

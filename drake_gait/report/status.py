@@ -1,0 +1,169 @@
+"""Where a study stands, read from its folder while it runs or long after."""
+
+import json
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from drake_gait.errors import StudyError
+from drake_gait.search.ranking import feasible_walks
+from drake_gait.study._lock import is_driven
+from drake_gait.study.records import CONFIRMATIONS, StudyWalk
+from drake_gait.study.settings import study_settings
+from drake_gait.study.store import Study, study_file
+
+_BEST = 8  # As many walks as the paper's Table II has.
+
+
+@dataclass(frozen=True, kw_only=True)
+class Standing:
+    """Where a study stood when it was read."""
+
+    folder: Path
+    """Where it is."""
+    state: str
+    """`running` while a process works on it, else `finished` or `unfinished`."""
+    settings: Mapping[str, Any]
+    """What it was made with, by section.key, in SI units."""
+    versions: Mapping[str, str]
+    """The libraries that it was started with."""
+    model_sha256: str
+    """Fingerprint of its robot's file."""
+    wall_s: float | None
+    """Time on the clock up to the last stop [s]; None before the first."""
+    stages: Mapping[str, int]
+    """Walks by what they were simulated for."""
+    survivors: int
+    """Walks of the search whose robot stayed on its feet."""
+    failures: Mapping[str, int]
+    """The other walks by what kept them from their last frame; the frequent ones first."""
+    feasible: int
+    """Candidates whose walk satisfies every constraint."""
+    best: tuple[StudyWalk, ...]
+    """The best feasible walks of the search, at most eight."""
+    result: Mapping[str, Any] | None
+    """What result.json holds, if it is there."""
+
+    @property
+    def walks(self) -> int:
+        """Walks of the search; those that confirm its best come on top."""
+        return self.survivors + sum(self.failures.values())
+
+    @property
+    def total(self) -> int:
+        """Walks that it may simulate."""
+        return int(self.settings["search.simulations"])
+
+    @property
+    def name(self) -> str:
+        """The study's name."""
+        return str(self.settings["study.name"])
+
+    @property
+    def seed(self) -> int:
+        """The study's seed."""
+        return int(self.settings["study.seed"])
+
+    @property
+    def mode(self) -> str | None:
+        """How it searches, if it could have searched otherwise."""
+        return self.settings.get("search.mode")
+
+    @property
+    def r2_heldout(self) -> Mapping[str, float | None]:
+        """Held-out R² of the network of all walks, by output; empty without a result of them."""
+        if self.result is None or self.result.get("simulations") != self.walks:
+            return {}
+        found: Mapping[str, float | None] = self.result.get("r2_heldout", {})
+        return found
+
+    def plain(self) -> dict[str, Any]:
+        """All of it as JSON has it; lengths in m, angles in rad."""
+        return {
+            "folder": str(self.folder),
+            "name": self.name,
+            "seed": self.seed,
+            "mode": self.mode,
+            "state": self.state,
+            "walks": self.walks,
+            "total": self.total,
+            "survivors": self.survivors,
+            "feasible": self.feasible,
+            "best": [_plain_walk(walk) for walk in self.best],
+            "stages": dict(self.stages),
+            "failures": dict(self.failures),
+            "wall_s": self.wall_s,
+            "settings": dict(self.settings),
+            "versions": dict(self.versions),
+            "model_sha256": self.model_sha256,
+            "result": self.result,
+        }
+
+
+def standing(path: str | Path) -> Standing:
+    """Where the study in a folder stands; a running one is not disturbed.
+
+    Raises:
+        StudyError: there is no study, or it cannot be read.
+    """
+    file = study_file(path)
+    running = is_driven(file)
+    with Study.open(file) as study:
+        description, walks = study.description(), study.walks()
+    ended = "finished" if "finished" in description else "unfinished"
+    settings = study_settings(description["settings"])
+    feasible = feasible_walks(walks, settings.constraints, settings.search.objective)
+    failures = Counter(walk.walk.failure for walk in walks if walk.id < CONFIRMATIONS)
+    return Standing(
+        folder=file.parent,
+        state="running" if running else ended,
+        settings=description["settings"],
+        versions=description.get("versions", {}),
+        model_sha256=description["model_sha256"],
+        wall_s=description.get("wall_s"),
+        stages=Counter(walk.stage for walk in walks),
+        survivors=failures.pop(None, 0),
+        failures={str(cause): count for cause, count in failures.most_common()},
+        feasible=len(feasible),
+        best=tuple(feasible[:_BEST]),
+        result=_result(file.parent / "result.json"),
+    )
+
+
+def studies_in(folder: Path) -> list[Path]:
+    """Folders of all studies in a folder and below, in order.
+
+    Raises:
+        StudyError: there is none.
+    """
+    found = sorted(path.parent for path in folder.rglob("study.db"))
+    if not found:
+        raise StudyError(
+            f"no study in {folder} or below; `python -m drake_gait.optimize` makes one in runs"
+        )
+    return found
+
+
+def _result(path: Path) -> dict[str, Any] | None:
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None  # Not there yet, or being written.
+    return found if isinstance(found, dict) else None
+
+
+def _plain_walk(entry: StudyWalk) -> dict[str, Any]:
+    walk = entry.walk
+    return {
+        "walk": entry.id,
+        "stage": entry.stage,
+        "forward": walk.forward,
+        "lateral": walk.lateral,
+        "yaw": walk.yaw,
+        "com_height": walk.com_height,
+        "steps": walk.steps,
+        "coefficients": entry.candidate.gait.coefficients.tolist(),
+        "foot": asdict(entry.candidate.foot),
+    }

@@ -1,0 +1,344 @@
+"""The tables of a study's report: what result.json and the walks say, in words and numbers."""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from drake_gait.foot import DESIGN_UNITS, N_MM_PER_DEG
+from drake_gait.gait import CYCLE_TIME, FRAME_TIME, TERMS, WAVEFORMS
+from drake_gait.problem.problem import Constraints, assess
+from drake_gait.report.result import PAPER_TABLE
+from drake_gait.search.ranking import feasible_walks
+from drake_gait.study.records import StudyWalk
+from drake_gait.walk import Outcome
+
+OUTPUT_NAMES = {
+    "forward": "Z, forward",
+    "lateral": "X, lateral",
+    "yaw": "R, turn",
+    "com_height": "Y, height of the centre of mass",
+}
+"""What the network predicts, for people."""
+
+_FOOT_UNITS = {
+    "N·m/rad": (1.0 / N_MM_PER_DEG, "N·mm/deg"),
+    "m": (1e3, "mm"),
+    "N·m·s/rad": (1.0, "N·m·s/rad"),
+}
+
+_NOT_FINER = 6  # columns of a finalist's table, from the first, of walks that are not finer
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """A table as text; the first cell of a row is its header."""
+
+    caption: str
+    """What it shows."""
+    columns: Sequence[str]
+    """Headers, the first one above the headers of the rows."""
+    rows: Sequence[Sequence[str]]
+    """Cells, as many in each row as columns."""
+    numbers: bool = True
+    """Whether the cells are numbers, to be set below each other."""
+    marked: int | None = None
+    """Row that stands out."""
+
+
+def number(value: float | None, digits: int) -> str:
+    """A number as text, with a proper minus, and never minus zero; a dash for none."""
+    if value is None or not np.isfinite(value):
+        return "–"
+    return f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "\N{MINUS SIGN}")
+
+
+def words(name: str) -> str:
+    """A key as words."""
+    return name.replace("_", " ")
+
+
+def beside_the_paper(walks: Sequence[StudyWalk], limits: Constraints) -> Table:
+    """The furthest feasible walks beside the paper's Table II."""
+    ours = feasible_walks(walks, limits)[: len(PAPER_TABLE)]
+    rows = []
+    for place, paper in enumerate(reversed(PAPER_TABLE)):
+        left = ["–"] * 5
+        if place < len(ours):
+            walk = ours[place].walk
+            left = [str(ours[place].id), *_paper_s_numbers(1e3 * walk.lateral, 1e3 * walk.forward,
+                    float(np.degrees(walk.yaw)), walk.steps)]  # fmt: skip
+        rows.append(
+            [str(place + 1), *left, f"F{len(PAPER_TABLE) - place}", *_paper_s_numbers(*paper)]
+        )
+    four = ["X [mm]", "Z [mm]", "R [deg]", "N"]
+    return Table(
+        caption="The furthest feasible walks of this study beside those of the paper, Table II",
+        columns=["place", "walk", *four, "paper", *four],
+        rows=rows,
+    )
+
+
+def _paper_s_numbers(lateral: float, forward: float, yaw: float, steps: int) -> list[str]:
+    return [number(lateral, 2), number(forward, 2), number(yaw, 2), str(steps)]
+
+
+def finalists(result: Mapping[str, Any], *, dropped: bool = False) -> Table | None:
+    """How the finalists walked again, perturbed and at reference fidelity; None without any.
+
+    Those that were walked in full, or those that were not.
+    """
+    winner = result.get("winner")
+    found = [
+        entry
+        for entry in result.get("finalists") or []
+        if (entry["reference"] is None and entry["walk"] != winner) == dropped
+    ]
+    if not found:
+        return None
+    rows = []
+    for entry in found:
+        finer = entry.get("reference") or {}
+        of = entry["of"]
+        rows.append([
+            str(entry["walk"]),
+            number(entry["forward_mm"], 1), number(entry["median_mm"], 1),
+            number(entry["worst_mm"], 1),
+            f"{entry['survived']} of {of}", f"{entry['feasible']} of {of}",
+            str(finer.get("outcome", "–")), number(finer.get("forward_mm"), 1),
+            number(finer.get("lateral_mm"), 1), number(finer.get("yaw_deg"), 1),
+            "–" if finer.get("feasible") is None else "yes" if finer["feasible"] else "no",
+        ])  # fmt: skip
+    columns = ["walk", "Z alone [mm]", "median Z [mm]", "worst Z [mm]", "on its feet", "feasible",
+               "finer: it", "Z [mm]", "X [mm]", "R [deg]", "feasible there"]  # fmt: skip
+    if dropped:  # None of these was walked any finer.
+        return Table(
+            caption="Dropped when too few were feasible, or all walks were used: with noise on "
+            "every coefficient and other friction",
+            columns=columns[:_NOT_FINER],
+            rows=[row[:_NOT_FINER] for row in rows],
+        )
+    return Table(
+        caption="The finalists, walked again: with noise on every coefficient and other friction, "
+        "and finer",
+        columns=columns,
+        rows=rows,
+        marked=_place_of_winner(found, result),
+    )
+
+
+def manner_of_finalists(result: Mapping[str, Any]) -> Table | None:
+    """How the finalists walk, alone; None where that was not measured."""
+    found = [entry for entry in result.get("finalists") or [] if entry.get("measures")]
+    if not found:
+        return None
+    rows = []
+    for entry in found:
+        measures = entry["measures"]
+        rows.append([
+            str(entry["walk"]), number(entry["forward_mm"], 1),
+            *(number(1e3 * value, 0) for value in measures["slip"]),
+            number(float(np.degrees(measures["yaw_swing"])), 0),
+            number(float(np.degrees(measures["torso_tilt"])), 0),
+            number(measures["cost_of_transport"], 2),
+        ])  # fmt: skip
+    return Table(
+        caption="How the finalists walk: far may be slid, and swung",
+        columns=["walk", "Z alone [mm]", "right sole slips [mm]", "left [mm]",
+                 "heading swings [deg]", "torso leans [deg]", "cost of transport"],
+        rows=rows,
+        marked=_place_of_winner(found, result),
+    )  # fmt: skip
+
+
+def coefficients(degrees: Sequence[Sequence[float]]) -> Table:
+    """The sixteen coefficients of a gait."""
+    return Table(
+        caption="Coefficients of the gait function [deg]",
+        columns=["waveform", *TERMS],
+        rows=[
+            [name, *(number(value, 2) for value in row)]
+            for name, row in zip(WAVEFORMS, degrees, strict=True)
+        ],
+    )
+
+
+def foot(design: Mapping[str, float]) -> Table:
+    """The foot, in the paper's units."""
+    rows = []
+    for name, value in design.items():
+        if name in DESIGN_UNITS:
+            factor, unit = _FOOT_UNITS[DESIGN_UNITS[name]]
+            rows.append([words(name), f"{factor * value:.4g}", unit])
+        else:
+            rows.append([words(name), "yes" if value else "no", ""])
+    return Table(caption="The foot", columns=["design variable", "value", "unit"], rows=rows)
+
+
+def _place_of_winner(entries: Sequence[Mapping[str, Any]], result: Mapping[str, Any]) -> int | None:
+    walks = [entry["walk"] for entry in entries]
+    winner = result.get("winner")
+    return walks.index(winner) if winner in walks else None
+
+
+def manner(measures: Mapping[str, Any]) -> Table:
+    """How the winner walks."""
+    pairs = (
+        ("slip of the loaded sole [mm]", "slip", 1e3, 0),
+        ("clearance of the lowest swing [mm]", "clearance", 1e3, 1),
+        ("duty factor in the second cycle", "duty_factor", 1.0, 2),
+    )
+    rows = [
+        [name, *(number(factor * value, digits) for value in measures[key])]
+        for name, key, factor, digits in pairs
+    ]
+    for name, key, factor, digits in (
+        ("cost of transport", "cost_of_transport", 1.0, 2),
+        ("driving work of the servos [J]", "positive_energy", 1.0, 2),
+        ("largest torque [N·m]", "peak_torque", 1.0, 2),
+        ("largest ground reaction [weights]", "peak_ground_reaction", 1.0, 2),
+        ("largest speed [rad/s]", "peak_speed", 1.0, 1),
+        ("range of the torso's heading [deg]", "yaw_swing", np.degrees(1.0), 0),
+        ("largest lean of the torso [deg]", "torso_tilt", np.degrees(1.0), 0),
+    ):
+        value = measures.get(key)
+        rows.append([name, number(None if value is None else factor * value, digits), ""])
+    return Table(caption="How it walks", columns=["measure", "right foot, or all", "left foot"],
+                 rows=rows)  # fmt: skip
+
+
+def stages(walks: Iterable[StudyWalk], limits: Constraints) -> Table:
+    """What the walks were simulated for, and what became of them."""
+    counts: dict[str, list[int]] = {}
+    for walk in walks:
+        row = counts.setdefault(walk.stage, [0, 0, 0])
+        row[0] += 1
+        row[1] += walk.walk.survived
+        row[2] += assess(walk.walk, limits).feasible
+    names = {"design": "design of experiments", "infill": "proposed by the network"}
+    rows = [[names.get(stage, stage), *map(str, row)] for stage, row in counts.items()]
+    rows.append(["all", *(str(sum(row[place] for row in counts.values())) for place in range(3))])
+    return Table(
+        caption="Walks simulated",
+        columns=["stage", "walks", "on their feet", "feasible"],
+        rows=rows,
+    )
+
+
+def failures(walks: Iterable[StudyWalk]) -> Table:
+    """What kept walks from their end: falls by their gait cycle, and other causes."""
+    counts: Counter[str] = Counter()
+    for entry in walks:
+        walk = entry.walk
+        if walk.outcome is Outcome.FELL:
+            begin = CYCLE_TIME * int(walk.steps * FRAME_TIME / CYCLE_TIME)
+            counts[f"fell between {begin:.1f} and {begin + CYCLE_TIME:.1f} s"] += 1
+        elif walk.failure:
+            counts[walk.failure] += 1
+    rows = [[cause, str(count)] for cause, count in sorted(counts.items())]
+    return Table(
+        caption="Walks that failed, by reason",
+        columns=["reason", "walks"],
+        rows=rows or [["none", "0"]],
+    )
+
+
+def network(result: Mapping[str, Any]) -> Table | None:
+    """R² of every output, and held out that of the baselines; None without a network."""
+    train, heldout = result["r2_train"], result["r2_heldout"]
+    # Results of before had no baselines.
+    beside = [result.get(f"r2_heldout_{name}") or {} for name in ("ridge", "kriging")]
+    if all(value is None for value in train.values()):
+        return None
+    return Table(
+        caption="Share of the variance that the network explains, R²",
+        columns=["output", "training", "held out", "ridge, held out", "kriging, held out"],
+        rows=[
+            [OUTPUT_NAMES.get(name, name), number(train[name], 2), number(heldout[name], 2)]
+            + [number(one.get(name), 2) for one in beside]
+            for name in train
+        ],
+    )
+
+
+def settings(description: Mapping[str, Any]) -> Table:
+    """Every setting, in SI units, angles in radians."""
+    rows = [[key, _plain(value)] for key, value in description.items() if key != "study.question"]
+    return Table(
+        caption="Settings, in SI units and radians", columns=["setting", "value"], rows=rows,
+        numbers=False,
+    )  # fmt: skip
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, list):
+        inner = (_plain(item) for item in value)
+        return "; ".join(inner) if value and isinstance(value[0], list) else ", ".join(inner)
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    return "none" if value is None else str(value)
+
+
+def versions(found: Mapping[str, str]) -> Table:
+    """What the numbers depend on."""
+    return Table(caption="Versions", columns=["of", "version"],
+                 rows=[[name, value] for name, value in found.items()], numbers=False)  # fmt: skip
+
+
+def side_by_side(names: Sequence[str], results: Sequence[Mapping[str, Any]]) -> Table:
+    """The numbers of several studies."""
+    lines = (
+        ("seed", "seed", 0), ("best walk", "walk", 0), ("Z, forward [mm]", "forward_mm", 1),
+        ("X, lateral [mm]", "lateral_mm", 1), ("R, turn [deg]", "yaw_deg", 2),
+        ("Y, height of the centre of mass [mm]", "com_height_mm", 2), ("N, frames", "steps", 0),
+        ("walks", "simulations", 0), ("on their feet", "survivors", 0),
+        ("feasible walks", "feasible_count", 0), ("time [s]", "wall_s", 0),
+    )  # fmt: skip
+    rows = [[label, *(number(result[key], digits) for result in results)]
+            for label, key, digits in lines]  # fmt: skip
+    rows.insert(
+        2, ["best walk is feasible", *("yes" if result["feasible"] else "no" for result in results)]
+    )
+    rows += [
+        [f"held-out R² of {OUTPUT_NAMES[output]}",
+         *(number(result["r2_heldout"].get(output), 2) for result in results)]
+        for output in ("forward", "lateral", "yaw")
+    ]  # fmt: skip
+    for label, key in (("median Z of the winner [mm]", "median_mm"),
+                       ("worst Z of the winner [mm]", "worst_mm")):  # fmt: skip
+        values = [_of_winner(result, key) for result in results]
+        if any(value is not None for value in values):
+            rows.append([label, *(number(value, 1) for value in values)])
+    for label, key, factor, digits in (
+        ("slip of the sole that slips more [mm]", "slip", 1e3, 0),
+        ("range of the torso's heading [deg]", "yaw_swing", np.degrees(1.0), 0),
+        ("largest lean of the torso [deg]", "torso_tilt", np.degrees(1.0), 0),
+        ("cost of transport", "cost_of_transport", 1.0, 2),
+    ):
+        measured = [(result.get("measures") or {}).get(key) for result in results]
+        rows.append([label, *(number(None if one is None else factor * float(np.max(one)), digits)
+                              for one in measured)])  # fmt: skip
+    return Table(caption="The studies side by side", columns=["", *names], rows=rows)
+
+
+def _of_winner(result: Mapping[str, Any], key: str) -> float | None:
+    for entry in result.get("finalists") or []:
+        if entry["walk"] == result.get("winner"):
+            return float(entry[key])
+    return None
+
+
+def differences(names: Sequence[str], described: Sequence[Mapping[str, Any]]) -> Table | None:
+    """Settings that are not the same in all studies; None where all are."""
+    keys = dict.fromkeys(key for one in described for key in one)
+    rows = []
+    for key in keys:
+        values = [_plain(one.get(key)) for one in described]
+        if len(set(values)) > 1:
+            rows.append([key, *values])
+    if not rows:
+        return None
+    return Table(caption="Settings that differ, in SI units and radians",
+                 columns=["setting", *names], rows=rows, numbers=False)  # fmt: skip

@@ -1,0 +1,1 @@
+"""What is walked next, and what is believed of it."""

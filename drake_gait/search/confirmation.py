@@ -1,0 +1,244 @@
+"""Which of a search's walks can be trusted: its best candidates, walked again.
+
+A single walk says little: a twentieth of a degree may turn it by degrees. The best candidates are
+walked with noise on every coefficient and friction that is lower and higher in turn; one that
+fails too often is dropped at once. The robust ones, and the best single walk, are then walked at
+reference fidelity.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drake_gait.problem.problem import Trial
+from drake_gait.search.ranking import Sample
+from drake_gait.search.runner import Planned, Runner, on_other_ground, perturbed
+from drake_gait.study.records import CONFIRMATIONS, StudyWalk
+from drake_gait.study.settings import StudySettings
+from drake_gait.walk import Fidelity, Measures, WalkSettings
+
+STAGE = "confirmation"
+REFERENCE = -1
+"""Variation number of a walk at reference fidelity."""
+_IN_TURN = 4
+"""Candidates that are walked again side by side: workers are to have enough to do."""
+_SLIPPING = 0.1
+"""A walk that slips by more than this part of its distance is a shuffle."""
+_LOOKED_AT = 12
+"""Feasible walks, the best first, that are looked at for one that does not slip."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Finalist:
+    """A candidate with the walks that confirm it, or do not."""
+
+    walk: StudyWalk
+    """The walk of the search."""
+    variations: tuple[StudyWalk, ...]
+    """Its perturbed walks; fewer than planned where it was dropped."""
+    feasible: int
+    """How many of them are feasible."""
+    survived: int
+    """How many of them ended on their feet."""
+    measured: StudyWalk | None
+    """The same walk again, with its measures."""
+    reference: StudyWalk | None
+    """The candidate at reference fidelity."""
+    robust: bool
+    """Whether as many are feasible as the study asks for."""
+
+    @property
+    def median(self) -> float:
+        """Median distance of the perturbed walks [m]; NaN without any."""
+        return float(np.median(self._distances)) if self.variations else np.nan
+
+    @property
+    def worst(self) -> float:
+        """Shortest distance of the perturbed walks [m]; NaN without any."""
+        return float(min(self._distances)) if self.variations else np.nan
+
+    @property
+    def slipping(self) -> bool | None:
+        """Whether it advances by sliding; None where that was not measured."""
+        if self.measured is None or self.measured.walk.measures is None:
+            return None
+        return shuffles(self.measured.walk.measures.slip, self.walk.walk.forward)
+
+    @property
+    def _distances(self) -> list[float]:
+        return [walk.walk.forward for walk in self.variations]
+
+
+def confirm(settings: StudySettings, runner: Runner, samples: Sequence[Sample]) -> None:
+    """Walk the best candidates of a finished search again.
+
+    The same walks give the same confirmation: one that was interrupted goes on.
+    """
+    if settings.confirmation.walks == 0:
+        return
+    race = _Race(settings, runner, samples)
+    while contenders := race.contenders():
+        runner.start(race.next_walks(contenders))
+        runner.finish()
+    runner.start(race.last_walks())
+    runner.finish()
+
+
+def finalists(settings: StudySettings, walks: Sequence[StudyWalk]) -> list[Finalist]:
+    """The candidates that were walked again, the robust ones first, then by their distance."""
+    found = [one for one in _looked_at(settings, walks) if one.variations]
+    return sorted(found, key=lambda one: _rank(settings, one))
+
+
+def winner(settings: StudySettings, walks: Sequence[StudyWalk]) -> Finalist | None:
+    """The robust candidate with the best median, if there is one."""
+    found = finalists(settings, walks)
+    return found[0] if found and found[0].robust else None
+
+
+def best_unslipping(settings: StudySettings, walks: Sequence[StudyWalk]) -> StudyWalk | None:
+    """The best feasible walk that slips by less than a tenth of its distance, of those measured."""
+    found = [one for one in _looked_at(settings, walks) if one.slipping is False]
+    ranked = sorted(found, key=lambda one: settings.assess(one.walk.walk).objective)
+    return ranked[0].walk if ranked else None
+
+
+def walked_as(settings: StudySettings, walk: StudyWalk) -> WalkSettings:
+    """How any walk of a study was simulated, its ground and fidelity included."""
+    if walk.variation == REFERENCE:
+        return replace(settings.walk, fidelity=Fidelity.REFERENCE)
+    if walk.variation == 0:
+        return settings.walk
+    variation = walk.variation
+    if walk.stage == STAGE:
+        variation = _after_replicas(settings, variation)
+    return on_other_ground(settings.walk, settings, variation)
+
+
+def shuffles(slip: Sequence[float], forward: float) -> bool:
+    """Whether a walk of this length advances by sliding, from the slip of each sole [m]."""
+    return max(slip) > _SLIPPING * forward
+
+
+def measured(walks: Sequence[StudyWalk]) -> dict[int, Measures]:
+    """Measures by a walk's id: its own, or those of the same walk again."""
+    found = {}
+    for walk in walks:
+        same = walk.nominal if walk.stage == STAGE and walk.variation == 0 else walk.id
+        if walk.walk.measures is not None and same is not None:
+            found[same] = walk.walk.measures
+    return found
+
+
+def _after_replicas(settings: StudySettings, variation: int) -> int:
+    """Other noise than that of the search's own replicas."""
+    return variation + settings.search.replicas - 1
+
+
+def _looked_at(settings: StudySettings, walks: Sequence[StudyWalk]) -> list[Finalist]:
+    by_id = {walk.id: walk for walk in walks}
+    numbers = dict.fromkeys(walk.nominal for walk in walks if walk.stage == STAGE)
+    return [_finalist(settings, by_id[number], walks) for number in numbers if number is not None]
+
+
+def _rank(settings: StudySettings, finalist: Finalist) -> tuple[bool, float, int]:
+    """Robust before others; by the median of what the study wants."""
+    tried = finalist.variations if finalist.robust else (finalist.walk,)
+    objectives = [settings.assess(walk.walk).objective for walk in tried]
+    return not finalist.robust, float(np.median(objectives)), finalist.walk.id
+
+
+def _finalist(settings: StudySettings, nominal: StudyWalk, walks: Sequence[StudyWalk]) -> Finalist:
+    own = {
+        walk.variation: walk for walk in walks if walk.stage == STAGE and walk.nominal == nominal.id
+    }
+    variations = tuple(own[number] for number in sorted(own) if number > 0)
+    feasible = sum(settings.assess(walk.walk).feasible for walk in variations)
+    return Finalist(
+        walk=nominal,
+        variations=variations,
+        feasible=feasible,
+        survived=sum(walk.walk.survived for walk in variations),
+        measured=own.get(0),
+        reference=own.get(REFERENCE),
+        robust=feasible >= settings.confirmation.feasible,
+    )
+
+
+class _Race:
+    """The best candidates, walked again a few at a time until enough are known to be robust."""
+
+    def __init__(self, settings: StudySettings, runner: Runner, samples: Sequence[Sample]) -> None:
+        self._settings, self._plan = settings, settings.confirmation
+        self._runner = runner
+        ranked = sorted(samples, key=lambda one: one.rank)
+        self._field = [one for one in ranked if one.assessment.feasible]
+        self._tried: dict[int, int] = {}  # Variations of a sample, by its number.
+        self._used = 0
+
+    def contenders(self) -> list[Sample]:
+        """Those that are walked again next; none when the race is over."""
+        if sum(self._is_robust(one) for one in self._field) >= self._plan.winners:
+            return []
+        open_ = [one for one in self._field if not self._is_decided(one)]
+        return open_[: min(_IN_TURN, self._plan.walks - self._used)]
+
+    def next_walks(self, contenders: Sequence[Sample]) -> list[Planned]:
+        """One more variation of each."""
+        planned = []
+        for one in contenders:
+            variation = self._tried.get(one.number, 0) + 1
+            self._tried[one.number] = variation
+            self._used += 1
+            planned.append(self._planned(one, variation))
+        return planned
+
+    def last_walks(self) -> Iterator[Planned]:
+        """The measures of the best, and the reference walks of those that are to be believed."""
+        robust = [one for one in self._field if self._is_robust(one)]
+        listed = {one.number: one for one in (*robust, *self._field[:1])}  # In full.
+        for one in listed.values():
+            for variation in (*range(1, self._plan.replicas + 1), REFERENCE):
+                yield self._planned(one, variation)
+        for one in {**listed, **{one.number: one for one in self._field[:_LOOKED_AT]}}.values():
+            yield self._planned(one, 0)
+
+    def _planned(self, one: Sample, variation: int) -> Planned:
+        nominal = one.walks[0]
+        trial = Trial(candidate=nominal.candidate, settings=self._settings.trial_settings)
+        if variation == REFERENCE:
+            trial = replace(trial, settings=replace(trial.settings, fidelity=Fidelity.REFERENCE))
+        elif variation == 0:
+            trial = replace(trial, settings=replace(trial.settings, measures=True))
+        else:
+            other = _after_replicas(self._settings, variation)
+            trial = perturbed(trial, self._settings, nominal.id, other)
+        return Planned(
+            id=self._id(one, variation),
+            stage=STAGE,
+            iteration=nominal.iteration,
+            trial=trial,
+            nominal=nominal.id,
+            variation=variation,
+        )
+
+    def _id(self, one: Sample, variation: int) -> int:
+        """A walk's id, the same whatever else is confirmed: with room for every variation."""
+        room = self._plan.replicas + 2
+        return CONFIRMATIONS + one.number * room + variation - REFERENCE
+
+    def _walks(self, one: Sample) -> list[StudyWalk]:
+        ids = (self._id(one, number) for number in range(1, self._tried.get(one.number, 0) + 1))
+        return [self._runner.walks[id_] for id_ in ids]
+
+    def _failures(self, one: Sample) -> int:
+        return sum(not self._settings.assess(walk.walk).feasible for walk in self._walks(one))
+
+    def _is_robust(self, one: Sample) -> bool:
+        tried = self._tried.get(one.number, 0)
+        return tried - self._failures(one) >= self._plan.feasible
+
+    def _is_decided(self, one: Sample) -> bool:
+        lost = self._failures(one) > self._plan.replicas - self._plan.feasible
+        return lost or self._tried.get(one.number, 0) == self._plan.replicas

@@ -1,0 +1,175 @@
+"""The procedure: samples, network, ISADE, confirmation by simulation (paper, IV.C, steps 1-6).
+
+The study file is the state. A search that goes on after an interruption reads it and proposes the
+same walks again, because every random number has an address (seed, purpose, index) and a network
+is trained on the walks of earlier iterations only.
+"""
+
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from functools import partial
+
+from drake_gait.problem.problem import Trial
+from drake_gait.search.confirmation import confirm
+from drake_gait.search.proposal import Proposal
+from drake_gait.search.proposers import proposer
+from drake_gait.search.ranking import Sample, sample
+from drake_gait.search.runner import Evaluate, Planned, Progress, Runner, perturbed
+from drake_gait.study.settings import StudySettings
+from drake_gait.study.store import Study
+from drake_gait.surrogates.ensemble import Network, Prediction, Surrogate
+
+
+def search(
+    settings: StudySettings,
+    study: Study,
+    evaluate: Evaluate,
+    report: Callable[[Progress], None] = lambda progress: None,
+) -> None:
+    """Run a study to its end, from wherever it stands.
+
+    Args:
+        settings: What to search, how, and with how many walks.
+        study: Where every finished walk is kept.
+        evaluate: Simulates trials.
+        report: Told how far it is, after every walk.
+    """
+    runner = Runner(settings, study, evaluate, report)
+    run = _Run(settings, runner)
+    for iteration in range(run.iterations):
+        if run.is_complete(iteration):
+            continue
+        if run.has_converged(iteration):  # Step 6.
+            break
+        learning = _in_background(run.learning(iteration))  # Step 3.
+        runner.finish()  # Meanwhile: what the iteration before still simulates.
+        proposal = run.propose(iteration, learning.result())  # Steps 1 and 4.
+        runner.start(run.planned(iteration, proposal))  # Steps 2 and 5.
+    runner.finish()
+    confirm(settings, runner, run.samples())
+
+
+def _in_background(function: Callable[[], Network | None]) -> "Future[Network | None]":
+    """What a function returns, from a thread that holds up no Ctrl-C: nobody waits for its end."""
+    promise: Future[Network | None] = Future()
+
+    def keep() -> None:
+        try:
+            promise.set_result(function())
+        except BaseException as error:
+            promise.set_exception(error)
+
+    threading.Thread(target=keep, daemon=True).start()
+    return promise
+
+
+class _Run:
+    """What the steps of one search do with the walks known so far.
+
+    Candidates are numbered from 0; those after a design of experiments have replicas.
+    """
+
+    def __init__(self, settings: StudySettings, runner: Runner) -> None:
+        self._settings, self._plan = settings, settings.search
+        self._runner = runner
+        self._proposer = proposer(settings)
+        self._single = self._proposer.samples if self._plan.learns else 0
+        self._known: dict[int, Sample] = {}
+
+    @property
+    def iterations(self) -> int:
+        """Iterations that the budget has room for, the design of experiments included."""
+        rest = self._candidates - self._proposer.samples
+        return 1 + max(0, -(-rest // self._proposer.batch))
+
+    def is_complete(self, iteration: int) -> bool:
+        """Whether every walk of an iteration is known."""
+        ids = (id_ for number in self._numbers(iteration) for id_ in self._ids(number))
+        return all(id_ in self._runner.walks for id_ in ids)
+
+    def has_converged(self, iteration: int) -> bool:
+        """Whether as many networks as the study bears have not bettered the best feasible walk."""
+        patience = self._plan.stagnation
+        if patience is None or iteration <= patience:
+            return False
+        self._runner.finish()
+        best = min(self._samples_before(iteration), key=lambda one: one.rank)
+        return best.number < self._numbers(iteration - patience).start
+
+    def learning(self, iteration: int) -> Callable[[], Network | None]:
+        """Learns for an iteration, from walks that are known now."""
+        last = iteration - 2 if self._proposer.learns_ahead and iteration > 1 else iteration - 1
+        if last == iteration - 1:
+            self._runner.finish()
+        return partial(self._proposer.learn, iteration, self._samples_before(last + 1))
+
+    def propose(self, iteration: int, network: Network | None) -> Proposal:
+        """The candidates of an iteration."""
+        if isinstance(network, Surrogate):
+            self._runner.network = network
+        known, count = self._samples_before(iteration), len(self._numbers(iteration))
+        return self._proposer.propose(iteration, known, network, count)
+
+    def planned(self, iteration: int, proposal: Proposal) -> Iterator[Planned]:
+        """The walks of a proposal."""
+        # Of all: the last digits of a prediction depend on how many are made together.
+        expected = proposal.network.predict(proposal.x) if proposal.network else None
+        for place, number in enumerate(self._numbers(iteration)):
+            candidate = self._settings.space.decode(proposal.x[place])
+            nominal = Trial(candidate=candidate, settings=self._settings.trial_settings)
+            for variation, id_ in enumerate(self._ids(number)):
+                first = self._ids(number).start
+                yield Planned(
+                    id=id_,
+                    stage=proposal.stage,
+                    iteration=iteration,
+                    trial=perturbed(nominal, self._settings, first, variation)
+                    if variation
+                    else nominal,
+                    nominal=first if variation else None,
+                    variation=variation,
+                    predicted=_expected(expected, place) if expected else None,
+                )
+
+    def samples(self) -> list[Sample]:
+        """All samples."""
+        complete = (
+            self._numbers(iteration)
+            for iteration in range(self.iterations)
+            if self.is_complete(iteration)
+        )
+        return [self._sample(number) for numbers in complete for number in numbers]
+
+    @property
+    def _candidates(self) -> int:
+        return self._single + (self._plan.simulations - self._single) // self._plan.replicas
+
+    def _numbers(self, iteration: int) -> range:
+        """Numbers of an iteration's candidates."""
+        size = self._proposer.samples if iteration == 0 else self._proposer.batch
+        start = 0 if iteration == 0 else self._proposer.samples + (iteration - 1) * size
+        return range(start, min(start + size, self._candidates))
+
+    def _ids(self, number: int) -> range:
+        """Ids of a candidate's walks; the first is of the candidate as it is."""
+        if number < self._single:
+            return range(number, number + 1)
+        start = self._single + (number - self._single) * self._plan.replicas
+        return range(start, start + self._plan.replicas)
+
+    def _samples_before(self, iteration: int) -> list[Sample]:
+        stop = self._numbers(iteration).start
+        return [self._sample(number) for number in range(stop)]
+
+    def _sample(self, number: int) -> Sample:
+        if number not in self._known:
+            walks = [self._runner.walks[id_] for id_ in self._ids(number)]
+            self._known[number] = sample(number, walks, self._settings)
+        return self._known[number]
+
+
+def _expected(prediction: Prediction, index: int) -> dict[str, float]:
+    forward, lateral, yaw = (float(value) for value in prediction.mean[index][:3])
+    survival = float(prediction.survival[index])
+    return {"forward": forward, "lateral": lateral, "yaw": yaw, "survival": survival}

@@ -1,0 +1,101 @@
+"""What every way to search has: proposals, samples, and the addresses of its random numbers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from drake_gait.gait import FloatArray
+from drake_gait.problem.problem import DesignSpace, quantity
+from drake_gait.search.ranking import Sample
+from drake_gait.study.records import StudyWalk
+from drake_gait.study.settings import StudySettings
+from drake_gait.surrogates.ensemble import Network
+
+DESIGN, PROPOSAL, NETWORK = 1, 2, 3  # Addresses of random numbers.
+
+ISADE_ITERATIONS, ISADE_STAGNATION = 1000, 50
+"""When ISADE stops on a network (paper, IV.B)."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Proposal:
+    """Candidates to simulate."""
+
+    x: FloatArray
+    """Design vectors, shape (n, d)."""
+    stage: str
+    """What they are for: "design" or "infill"."""
+    network: Network | None = None
+    """What expects something of them."""
+
+
+class Proposer(Protocol):
+    """One way to search."""
+
+    samples: int
+    """Candidates of the first iteration."""
+    batch: int
+    """Candidates of every other iteration."""
+    learns_ahead: bool
+    """Whether it learns while the iteration before is still being simulated, without that one."""
+
+    def learn(self, iteration: int, known: Sequence[Sample]) -> Network | None:
+        """What is learnt for an iteration, if anything.
+
+        Args:
+            iteration: Its number, from 0.
+            known: The samples to learn from.
+        """
+        ...
+
+    def propose(
+        self, iteration: int, known: Sequence[Sample], network: Network | None, count: int
+    ) -> Proposal:
+        """The candidates of an iteration.
+
+        Args:
+            iteration: Its number, from 0.
+            known: The samples of all iterations before it.
+            network: What was learnt for it.
+            count: Candidates to propose; fewer than a batch at the end of the budget.
+        """
+        ...
+
+
+def design_of_experiments(settings: StudySettings) -> FloatArray:
+    """A Latin hypercube in the box: design vectors, shape (samples, d)."""
+    return latin_hypercube(settings, settings.search.samples, DESIGN)
+
+
+def latin_hypercube(settings: StudySettings, count: int, *address: int) -> FloatArray:
+    """So many points of the box, shape (count, d); the address fixes their random numbers."""
+    rng = np.random.default_rng([settings.seed, *address])
+    unit = qmc.LatinHypercube(settings.space.dimension, rng=rng).random(count)
+    lower, upper = settings.space.box.T
+    samples: FloatArray = lower + (upper - lower) * unit
+    return samples
+
+
+def training_data(
+    walks: Sequence[StudyWalk], space: DesignSpace, names: Sequence[str]
+) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+    """Design vectors (n, d), the named quantities (n, k), and who survived (n,)."""
+    x = np.array([space.encode(walk.candidate) for walk in walks])
+    outputs = np.array([[quantity(walk.walk, name) for name in names] for walk in walks])
+    survived = np.array([walk.walk.survived for walk in walks], dtype=bool)
+    size = len(walks)
+    return x.reshape(size, space.dimension), outputs.reshape(size, len(names)), survived
+
+
+def all_walks(samples: Sequence[Sample]) -> list[StudyWalk]:
+    """The walks of all samples, replicas too."""
+    return [walk for sample in samples for walk in sample.walks]
+
+
+def seed_of(*address: int) -> int:
+    """One seed for a library that takes no address."""
+    return int(np.random.SeedSequence(address).generate_state(1)[0])

@@ -1,0 +1,167 @@
+"""Simulates what a study plans, keeps every walk as it finishes, and tells how far it is."""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from drake_gait.execution.local import Finished
+from drake_gait.problem.problem import Trial
+from drake_gait.study.records import CONFIRMATIONS, StudyWalk
+from drake_gait.study.settings import StudySettings
+from drake_gait.study.store import Study
+from drake_gait.surrogates.ensemble import Surrogate
+from drake_gait.walk import WalkSettings
+
+Evaluate = Callable[[Sequence[Trial]], Iterable[Finished]]
+"""Starts to simulate trials, and yields them as they finish, in any order."""
+
+_NOISE = 4  # Address of random numbers; the proposers have others.
+
+
+@dataclass(frozen=True, kw_only=True)
+class Progress:
+    """How far a search has come."""
+
+    walks: int
+    """Walks simulated."""
+    total: int
+    """Walks that the study may simulate."""
+    survivors: int
+    """Walks whose robot stayed on its feet."""
+    feasible: int
+    """Walks that satisfy every constraint."""
+    failures: Mapping[str, int]
+    """The other walks by what kept them from their last frame, as Walk.failure says it."""
+    best: StudyWalk | None
+    """The best feasible walk, by distance or by whatever the study wants."""
+    network: Surrogate | None
+    """The latest network, when one has been trained since the command was started."""
+    confirmations: int = 0
+    """Walks simulated to confirm others."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Planned:
+    """One walk that a study is to have."""
+
+    id: int
+    """Its place in the study."""
+    stage: str
+    """What it is for."""
+    iteration: int
+    """The batch that it belongs to."""
+    trial: Trial
+    """What is simulated."""
+    nominal: int | None = None
+    """The walk that it is a variation of."""
+    variation: int = 0
+    """Which variation, see StudyWalk."""
+    predicted: Mapping[str, float] | None = None
+    """What a network expects."""
+
+
+@dataclass
+class Runner:
+    """The walks of a study, known or under way."""
+
+    settings: StudySettings
+    study: Study
+    evaluate: Evaluate
+    report: Callable[[Progress], None]
+    walks: dict[int, StudyWalk] = field(init=False)
+    """Every walk that is known, by its id."""
+    network: Surrogate | None = field(init=False, default=None)
+    """The latest network, for the report."""
+    _under_way: tuple[Sequence[Planned], Iterator[Finished]] = field(init=False)
+    _best: tuple[float, int] = field(init=False, default=(np.inf, -1))
+    _counts: Counter[str] = field(init=False, default_factory=Counter)
+    _failures: Counter[str] = field(init=False, default_factory=Counter)
+
+    def __post_init__(self) -> None:
+        self.walks = {walk.id: walk for walk in self.study.walks()}
+        self._under_way = (), iter(())
+        for walk in self.walks.values():
+            self._count(walk)
+
+    def start(self, planned: Iterable[Planned]) -> None:
+        """Start to simulate those that are not known yet, once the last ones are finished."""
+        self.finish()
+        missing = [one for one in planned if one.id not in self.walks]
+        if missing:
+            self._under_way = missing, iter(self.evaluate([one.trial for one in missing]))
+
+    def finish(self) -> None:
+        """Wait for the walks that are under way, and keep each as it finishes."""
+        planned, walking = self._under_way
+        for finished in walking:
+            plan = planned[finished.index]
+            walk = StudyWalk(
+                id=plan.id,
+                stage=plan.stage,
+                iteration=plan.iteration,
+                nominal=plan.nominal,
+                variation=plan.variation,
+                candidate=plan.trial.candidate,
+                walk=finished.walk,
+                predicted=plan.predicted,
+                seconds=finished.seconds,
+            )
+            self.study.add(walk)
+            self.walks[walk.id] = walk
+            self._count(walk)
+            self.report(self.progress())
+        self._under_way = (), iter(())
+
+    def progress(self) -> Progress:
+        """How far the study is."""
+        return Progress(
+            walks=self._counts["walks"],
+            total=self.settings.search.simulations,
+            survivors=self._counts["survivors"],
+            feasible=self._counts["feasible"],
+            failures=dict(self._failures),
+            best=self.walks.get(self._best[1]),
+            network=self.network,
+            confirmations=self._counts["confirmations"],
+        )
+
+    def _count(self, walk: StudyWalk) -> None:
+        if walk.id >= CONFIRMATIONS:
+            self._counts["confirmations"] += 1
+            return
+        assessment = self.settings.assess(walk.walk)
+        self._counts["walks"] += 1
+        self._counts["survivors"] += walk.walk.survived
+        self._counts["feasible"] += assessment.feasible
+        if (failure := walk.walk.failure) is not None:
+            self._failures[failure] += 1
+        if assessment.feasible and walk.nominal is None:
+            self._best = min(self._best, (assessment.objective, walk.id))
+
+
+def perturbed(trial: Trial, settings: StudySettings, nominal: int, variation: int) -> Trial:
+    """A variation of a trial: noise on every coefficient, and another friction.
+
+    Args:
+        trial: The trial as it is.
+        settings: Say how much ([confirmation]), and fix the noise by their seed.
+        nominal: Id of the walk of the trial as it is.
+        variation: Which variation, from 1; odd ones are more slippery, even ones less.
+    """
+    plan = settings.confirmation
+    rng = np.random.default_rng([settings.seed, _NOISE, nominal, variation])
+    gait = trial.candidate.gait
+    noisy = gait.coefficients + plan.noise * rng.standard_normal(gait.coefficients.shape)
+    return Trial(
+        candidate=replace(trial.candidate, gait=replace(gait, coefficients=noisy)),
+        settings=on_other_ground(trial.settings, settings, variation),
+    )
+
+
+def on_other_ground(walk: WalkSettings, settings: StudySettings, variation: int) -> WalkSettings:
+    """How a variation is simulated, from 1: odd ones on more slippery ground, even ones on less."""
+    change = settings.confirmation.friction
+    factor = 1.0 - change if variation % 2 else 1.0 + change
+    return replace(walk, friction=factor * walk.friction)

@@ -1,0 +1,248 @@
+"""Watches a walk while it is simulated: its time histories and its measures.
+
+Histories are taken at the control frames. Work, slip and peaks are summed at every step of the
+integrator, because torques change faster than frames come.
+"""
+
+from typing import Any, cast
+
+import numpy as np
+from pydrake.math import RollPitchYaw
+from pydrake.multibody.plant import ContactResults
+from pydrake.systems.framework import Context, EventStatus
+
+from drake_gait.gait import CYCLE_TIME, FRAME_TIME, JOINTS, FloatArray
+from drake_gait.simulation.plant import TOE_HINGES, Robot, sole_corners
+from drake_gait.walk import History, Measures
+
+BoolArray = np.ndarray[Any, np.dtype[np.bool_]]
+
+_SIDES = ("r", "l")
+_FOOT_LINKS = ("foot", "big_toe", "lesser_toes")
+
+LOADED = 0.5
+"""Vertical force from which a foot counts as carrying load [N]: 3 % of the robot's weight."""
+
+_SATURATED = 1.0 - 1e-6  # of the stall torque
+_SHORTEST_SWING = 3  # frames; less is a tap
+
+
+class Observer:
+    """Collects a History and Measures: `record` every frame, `monitor` every step."""
+
+    def __init__(self, robot: Robot, commands: FloatArray) -> None:
+        self._robot = robot
+        self._commands = commands
+        plant = robot.plant
+        # A copy to read from: the caches of the simulated context lag behind its state by up to a
+        # step of CENIC's, and reading must not change what is simulated.
+        self._context = robot.diagram.CreateDefaultContext()
+        self._plant_context = plant.GetMyMutableContextFromRoot(self._context)
+        robot.gait.set_commands(robot.gait.GetMyMutableContextFromRoot(self._context), commands)
+        self._torso = plant.GetBodyByName("torso")
+        self._ankles = [plant.GetBodyByName(f"ankle_{side}") for side in _SIDES]
+        joints = [plant.GetJointByName(name) for name in JOINTS]
+        toes = [plant.GetJointByName(name) for name in TOE_HINGES]
+        self._joint_positions = [joint.position_start() for joint in joints]
+        self._joint_velocities = [joint.velocity_start() for joint in joints]
+        # Rigid toes have none: they stay at 0.
+        self._toe_positions = {
+            column: joint.position_start()
+            for column, joint in enumerate(toes)
+            if joint.num_positions()
+        }
+        self._back_emf: FloatArray = np.array(
+            [joint.default_damping_vector()[0] for joint in joints]
+        )
+        self._stall: FloatArray = np.array(
+            [plant.GetJointActuatorByName(name).effort_limit() for name in JOINTS]
+        )
+        self._feet = [[plant.GetBodyByName(f"{link}_{side}") for link in _FOOT_LINKS]
+                      for side in _SIDES]  # fmt: skip
+        self._corners = [[sole_corners(robot, body) for body in foot] for foot in self._feet]
+        self._geometries = {
+            geometry: (foot, body)
+            for foot, bodies in enumerate(self._feet)
+            for body in bodies
+            for geometry in plant.GetCollisionGeometriesForBody(body)
+        }
+        self._frames: list[dict[str, FloatArray]] = []
+        self._last: tuple[float, FloatArray, FloatArray] | None = None
+        self._positive, self._absolute, self._saturated = 0.0, 0.0, 0.0
+        self._peak_torque, self._peak_speed = 0.0, 0.0
+        self._slip: FloatArray = np.zeros(2)
+        self._rising: list[float] = []  # Vertical speed of the centre of mass at the frames [m/s].
+
+    def monitor(self, context: Context) -> EventStatus:
+        """Sum work, slip and peaks over one step of the integrator (trapezoidal rule)."""
+        plant_context = self._copy(context)
+        controller, speeds, torques = self._servos(plant_context)
+        power = torques * speeds
+        sliding = self._sliding_speeds(plant_context)
+        time = context.get_time()
+        if self._last is not None:
+            before, last_power, last_sliding = self._last
+            step = time - before
+            self._positive += 0.5 * step * np.maximum([power, last_power], 0.0).sum()
+            self._absolute += 0.5 * step * np.abs([power, last_power]).sum()
+            self._slip += 0.5 * step * (sliding + last_sliding)
+            self._saturated += step * float(np.mean(np.abs(controller) > _SATURATED * self._stall))
+        self._last = time, power, sliding
+        self._peak_torque = max(self._peak_torque, float(np.abs(torques).max()))
+        self._peak_speed = max(self._peak_speed, float(np.abs(speeds).max()))
+        return EventStatus.DidNothing()
+
+    def record(self, context: Context) -> None:
+        """Take one frame from the diagram's context."""
+        plant, plant_context = self._robot.plant, self._copy(context)
+        positions = plant.GetPositions(plant_context)
+        _, speeds, torques = self._servos(plant_context)
+        v_WC = plant.CalcCenterOfMassTranslationalVelocityInWorld(plant_context)
+        self._rising.append(float(v_WC[2]))
+        X_WT = plant.EvalBodyPoseInWorld(plant_context, self._torso)
+        poses = (plant.EvalBodyPoseInWorld(plant_context, ankle) for ankle in self._ankles)
+        self._frames.append(
+            {
+                "time": np.array(context.get_time()),
+                "positions": positions,
+                "com": plant.CalcCenterOfMassPositionInWorld(plant_context),
+                "torso": np.concatenate(
+                    [X_WT.translation(), RollPitchYaw(X_WT.rotation()).vector()]
+                ),
+                "ankles": np.array([pose.translation() for pose in poses]),
+                "commands": self._commands[len(self._frames)],
+                "angles": positions[self._joint_positions],
+                "speeds": speeds,
+                "torques": torques,
+                "toes": self._toe_angles(positions),
+                "ground_reaction": self._ground_reaction(plant_context),
+                "sole_height": self._sole_heights(plant_context),
+            }
+        )
+
+    def history(self) -> History:
+        """The frames as arrays, the torso's angles unwrapped."""
+        stacked = {
+            name: np.array([frame[name] for frame in self._frames]) for name in self._frames[0]
+        }
+        stacked["torso"][:, 3:] = np.unwrap(stacked["torso"][:, 3:], axis=0)
+        return History(**stacked)
+
+    def measures(self, history: History, forward: float, yaw_swing: float) -> Measures:
+        """The measures of a walk with this history that went `forward` [m] and swung so [rad]."""
+        plant = self._robot.plant
+        gravity = np.abs(plant.gravity_field().gravity_vector()[2])
+        weight = plant.CalcTotalMass(plant.CreateDefaultContext()) * gravity
+        loaded = history.ground_reaction[:, :, 2] > LOADED
+        cycle = (history.time >= CYCLE_TIME) & (history.time < 2.0 * CYCLE_TIME)
+        duty = loaded[cycle].mean(axis=0) if cycle.any() else np.full(2, np.nan)
+        roll, pitch = history.torso[:, 3], history.torso[:, 4]
+        tilt = np.arccos(np.clip(np.cos(roll) * np.cos(pitch), -1.0, 1.0))
+        return Measures(
+            energy=float(self._absolute),
+            positive_energy=float(self._positive),
+            cost_of_transport=float(self._positive / (weight * forward)) if forward > 0 else np.inf,
+            peak_torque=self._peak_torque,
+            peak_speed=self._peak_speed,
+            saturated_fraction=float(self._saturated / max(history.time[-1], FRAME_TIME)),
+            slip=(float(self._slip[0]), float(self._slip[1])),
+            clearance=(
+                swing_clearance(history.sole_height[:, 0], loaded[:, 0]),
+                swing_clearance(history.sole_height[:, 1], loaded[:, 1]),
+            ),
+            duty_factor=(float(duty[0]), float(duty[1])),
+            # By momentum: forces read from a state that ends a step are not those of the step.
+            peak_ground_reaction=1.0
+            + float(np.diff(self._rising).max(initial=0.0)) / (gravity * FRAME_TIME),
+            toe_range=tuple(history.toes.max(axis=0).tolist()),
+            yaw_swing=yaw_swing,
+            torso_tilt=float(tilt.max()),
+        )
+
+    def _copy(self, context: Context) -> Context:
+        """The plant's context to read from, at the time and state of the simulated one."""
+        plant = self._robot.plant
+        state = plant.GetPositionsAndVelocities(plant.GetMyContextFromRoot(context))
+        self._context.SetTime(context.get_time())
+        plant.SetPositionsAndVelocities(self._plant_context, state)
+        return self._plant_context
+
+    def _toe_angles(self, positions: FloatArray) -> FloatArray:
+        """Angles of the toes [rad], shape (4,)."""
+        angles: FloatArray = np.zeros(len(TOE_HINGES))
+        for column, index in self._toe_positions.items():
+            angles[column] = positions[index]
+        return angles
+
+    def _servos(self, plant_context: Context) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Controllers' torques [N·m], speeds [rad/s] and torques on the joints, (10,) each."""
+        plant = self._robot.plant
+        speeds = plant.GetVelocities(plant_context)[self._joint_velocities]
+        port = plant.get_net_actuation_output_port()
+        controller = cast(FloatArray, port.Eval(plant_context))
+        return controller, speeds, controller - self._back_emf * speeds
+
+    def _contacts(self, plant_context: Context) -> ContactResults:
+        port = self._robot.plant.get_contact_results_output_port()
+        return cast(ContactResults, port.Eval(plant_context))
+
+    def _ground_reaction(self, plant_context: Context) -> FloatArray:
+        """Force on each foot [N], shape (2, 3)."""
+        forces: FloatArray = np.zeros((2, 3))
+        contacts = self._contacts(plant_context)
+        for index in range(contacts.num_hydroelastic_contacts()):
+            contact = contacts.hydroelastic_contact_info(index)
+            surface, force_on_m = contact.contact_surface(), contact.F_Ac_W().translational()
+            if surface.id_M() in self._geometries:
+                forces[self._geometries[surface.id_M()][0]] += force_on_m
+            elif surface.id_N() in self._geometries:
+                forces[self._geometries[surface.id_N()][0]] -= force_on_m
+        return forces
+
+    def _sliding_speeds(self, plant_context: Context) -> FloatArray:
+        """Speed over the ground of the most loaded patch of each foot [m/s], shape (2,)."""
+        plant = self._robot.plant
+        speeds, loads = np.zeros(2), np.full(2, LOADED)
+        contacts = self._contacts(plant_context)
+        for index in range(contacts.num_hydroelastic_contacts()):
+            contact = contacts.hydroelastic_contact_info(index)
+            surface = contact.contact_surface()
+            found = self._geometries.get(surface.id_M()) or self._geometries.get(surface.id_N())
+            load = abs(contact.F_Ac_W().translational()[2])
+            if found is None or load <= loads[found[0]]:
+                continue
+            foot, body = found
+            velocity = plant.EvalBodySpatialVelocityInWorld(plant_context, body)
+            p_WB: FloatArray = plant.EvalBodyPoseInWorld(plant_context, body).translation()
+            arm = cast(Any, cast(FloatArray, surface.centroid()) - p_WB)
+            v_WP = velocity.Shift(arm).translational()
+            speeds[foot], loads[foot] = np.hypot(v_WP[0], v_WP[1]), load
+        return speeds
+
+    def _sole_heights(self, plant_context: Context) -> FloatArray:
+        """Height of the lowest corner of each foot [m], shape (2,)."""
+        plant = self._robot.plant
+        heights = [
+            min(
+                float((plant.EvalBodyPoseInWorld(plant_context, body) @ corners)[2].min())
+                for body, corners in zip(bodies, foot_corners, strict=True)
+            )
+            for bodies, foot_corners in zip(self._feet, self._corners, strict=True)
+        ]
+        return np.array(heights)
+
+
+def swing_clearance(height: FloatArray, loaded: BoolArray) -> float:
+    """The least, over the swings of a foot, of the greatest height of its lowest point [m].
+
+    Args:
+        height: Height of the foot's lowest point at each frame [m], shape (n,).
+        loaded: Whether it carries load, shape (n,).
+
+    Returns:
+        0 where the foot never swings for longer than a tap.
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], loaded, [True]]).astype(int)))
+    swings = edges.reshape(-1, 2)
+    peaks = [height[begin:end].max() for begin, end in swings if end - begin >= _SHORTEST_SWING]
+    return float(min(peaks, default=0.0))

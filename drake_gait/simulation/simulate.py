@@ -1,0 +1,293 @@
+"""One walk: build the diagram, step it frame by frame, return what it left behind."""
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+from pydrake.multibody.cenic import CenicIntegrator
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
+from pydrake.systems.framework import Context, Diagram
+from pydrake.systems.primitives import VectorLogSink
+
+from drake_gait.foot import FootDesign
+from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray
+from drake_gait.problem.problem import Candidate, Trial
+from drake_gait.servo import Servo
+from drake_gait.simulation.observer import Observer
+from drake_gait.simulation.plant import Robot, build_robot
+from drake_gait.walk import (
+    FALL_HEIGHT,
+    FALL_TILT,
+    INTEGRATORS,
+    Fidelity,
+    Integrator,
+    Outcome,
+    Walk,
+    WalkSettings,
+)
+
+Watch = Callable[[float, FloatArray], None]
+"""Takes an instant [s] and the positions of the plant, shape (n,)."""
+
+_UPRIGHT = math.cos(FALL_TILT)
+
+_TOLERANCE, _LINE_SEARCH_TOLERANCE = 1e-5, 0.1
+"""Of CENIC's convex solver in steps of fixed length; with errors controlled it follows them.
+
+Drake's own, 1e-8 both, take a fifth longer, and walks move by 0.05 mm (median, docs/walk.md).
+"""
+
+_LINE_SEARCH_OF_SETTLING = 1e-8
+"""Drake's own: last digits of where a robot stood grow to 0.1 mm where errors are controlled."""
+
+_SETTLING_TIME = 1.0
+"""How long the robot stands before its walk, to come to rest on its soles [s]."""
+
+
+_FRAMES_AT_A_TIME = 10
+"""Frames between two looks at a walk that nobody watches; Drake logs each of them by itself.
+
+To come back to Python at every frame costs 4 % of a walk; to look seldom, the steps after a fall.
+"""
+
+# A step must not miss a frame's instant by rounding: the sliver of a step that is left has no
+# solution, and CENIC fails an assertion. A step this much longer is always cut at the frame.
+_STEP_EXCESS = 1.0 + 1e-6
+
+
+def simulate(
+    candidate: Candidate,
+    settings: WalkSettings | None = None,
+    *,
+    history: bool = False,
+    watch: Watch | None = None,
+) -> Walk:
+    """Walk a candidate for 4.8 s from a standing start.
+
+    The same candidate and settings give the same numbers, bit for bit, in any process.
+
+    Args:
+        candidate: The gait, and the foot it walks on.
+        settings: How to simulate; by default the shipped robot at search fidelity.
+        history: Whether to record time histories at the control frames, and measures.
+        watch: Told of every frame as it is reached; it changes no number.
+
+    Raises:
+        ModelError: the robot description cannot be used.
+    """
+    return follow(candidate.gait.commands, candidate.foot, settings, history=history, watch=watch)
+
+
+def walk_trial(trial: Trial) -> Walk:
+    """Walk a trial; what a worker runs."""
+    return simulate(trial.candidate, trial.settings)
+
+
+def follow(
+    commands: FloatArray,
+    foot: FootDesign | None = None,
+    settings: WalkSettings | None = None,
+    *,
+    history: bool = False,
+    watch: Watch | None = None,
+) -> Walk:
+    """Let the servos follow any joint commands from a standing start, for 4.8 s.
+
+    Args:
+        commands: Joint angles [rad], shape (241, 10), columns as gait.JOINTS, one row a frame.
+        foot: The toes; the paper's by default.
+        settings: How to simulate; by default the shipped robot at search fidelity.
+        history: Whether to record time histories at the control frames, and measures.
+        watch: Told of every frame as it is reached.
+
+    Raises:
+        ModelError: the robot description cannot be used.
+    """
+    foot, settings = foot or FootDesign(), settings or WalkSettings()
+    robot, context = prepare(commands, foot, settings)
+    observer = Observer(robot, commands) if history or settings.measures else None
+    walk = _advance(robot, context, settings, observer, watch)
+    return walk if history else replace(walk, history=None)
+
+
+def prepare(
+    commands: FloatArray, foot: FootDesign, settings: WalkSettings, *, logged: bool = True
+) -> tuple[Robot, Context]:
+    """A robot, and a context of its diagram in which it stands, about to follow `commands`."""
+    stepping = settings.stepping
+    time_step = stepping.step if stepping.discrete else 0.0
+    body, friction = foot.body, settings.friction
+    robot = _robot(settings.model, body, settings.servo, time_step, friction, logged)
+    context = robot.diagram.CreateDefaultContext()
+    plant_context = robot.plant.GetMyMutableContextFromRoot(context)
+    robot.set_foot(plant_context, foot)
+    standing = _standing(settings.model, settings.servo, rigid_toes=foot.rigid_toes)
+    robot.plant.SetPositions(plant_context, standing)
+    gait_context = robot.gait.GetMyMutableContextFromRoot(context)
+    robot.gait.set_commands(gait_context, commands, lead=stepping.lead)
+    return robot, context
+
+
+@lru_cache(maxsize=4)
+def _robot(
+    model: str | Path,
+    body: FootDesign,
+    servo: Servo,
+    time_step: float = 0.0,
+    friction: float = 1.0,
+    logged: bool = False,
+) -> Robot:
+    """One diagram serves every gait and every toe spring of a foot's body."""
+    return build_robot(model, body, servo, time_step=time_step, friction=friction, logged=logged)
+
+
+@lru_cache(maxsize=4)
+def _standing(model: str | Path, servo: Servo, *, rigid_toes: bool) -> FloatArray:
+    """Positions of the robot at rest on the paper's feet, shape (21,), or (17,) with rigid toes.
+
+    Every foot starts its walk from them: what other toes would change is a thousandth of a radian
+    in the toes themselves and microns elsewhere, and settling costs a fifth of a walk.
+    """
+    foot = FootDesign(rigid_toes=rigid_toes)
+    robot = _robot(model, foot, servo)
+    context = robot.diagram.CreateDefaultContext()
+    plant_context = robot.plant.GetMyMutableContextFromRoot(context)
+    robot.set_foot(plant_context, foot)
+    stepping = INTEGRATORS[Fidelity.SEARCH]
+    simulator = start(robot.diagram, context, stepping, _LINE_SEARCH_OF_SETTLING)
+    simulator.AdvanceTo(_SETTLING_TIME)
+    positions: FloatArray = robot.plant.GetPositions(plant_context)
+    positions.setflags(write=False)
+    return positions
+
+
+def start(
+    diagram: Diagram,
+    context: Context,
+    stepping: Integrator,
+    line_search_tolerance: float = _LINE_SEARCH_TOLERANCE,
+) -> Simulator:
+    """A simulator of a diagram with a plant, at the start of its context."""
+    # A fresh one for each walk: a second run in the same simulator differs in its last digits.
+    simulator = Simulator(diagram, context)
+    config = SimulatorConfig(
+        integration_scheme="cenic",
+        max_step_size=stepping.step * _STEP_EXCESS,
+        accuracy=stepping.accuracy or 1e-3,
+        use_error_control=stepping.accuracy is not None,
+    )
+    if not stepping.discrete:
+        ApplySimulatorConfig(config, simulator)
+        if stepping.accuracy is None:
+            integrator = cast(CenicIntegrator, simulator.get_mutable_integrator())
+            _loosen(integrator, line_search_tolerance)
+    simulator.Initialize()
+    return simulator
+
+
+def _loosen(integrator: CenicIntegrator, line_search_tolerance: float) -> None:
+    """Ask less of the convex solver, whose default takes a third more iterations."""
+    parameters = integrator.get_solver_parameters()
+    parameters.min_tolerance = _TOLERANCE
+    parameters.linesearch_tolerance = line_search_tolerance
+    integrator.SetSolverParameters(parameters)
+
+
+def _advance(
+    robot: Robot,
+    context: Context,
+    settings: WalkSettings,
+    observer: Observer | None = None,
+    watch: Watch | None = None,
+) -> Walk:
+    """Step through the frames until the end, a fall or a failure."""
+    plant = robot.plant
+    torso = plant.GetBodyByName("torso")
+    pose = slice(torso.floating_positions_start(), torso.floating_positions_start() + 7)
+    log = cast(VectorLogSink, robot.frames).FindLog(context)
+    # Computing time: a busy machine changes no walk.
+    deadline = time.thread_time() + settings.time_limit
+    simulator = start(robot.diagram, context, settings.stepping)
+    if observer:
+        observer.record(context)
+        simulator.set_monitor(observer.monitor)
+    postures: list[tuple[float, float, float]] = []
+    stride = 1 if observer or watch else _FRAMES_AT_A_TIME
+    for frame in range(stride, FRAMES + 1, stride):
+        failure = ""
+        try:
+            # Ctrl-C is heard between two calls; Drake would look for it in every step.
+            simulator.AdvanceTo(frame * FRAME_TIME, interruptible=False)
+        # Drake raises a failed assertion of its solver as SystemExit.
+        except (RuntimeError, SystemExit) as error:
+            failure = f"solver: {str(error).splitlines()[0]}"
+        positions: FloatArray = log.data()[: plant.num_positions()].T
+        seen = len(postures)
+        postures += [torso_posture(one) for one in positions[seen:, pose]]
+        if observer and not failure:
+            observer.record(context)
+        if watch and not failure:
+            watch(frame * FRAME_TIME, positions[-1])
+        fall = _first_fall(postures, seen)
+        if fall is not None:
+            break
+        if failure:
+            return Walk.diverged(failure, steps=len(postures) - 1)
+        if time.thread_time() > deadline:
+            return Walk.diverged(f"took longer than {settings.time_limit:g} s", steps=frame)
+    end, steps = (FRAMES, FRAMES) if fall is None else (fall, fall - 1)
+    com_start, com_end = _centres_of_mass(robot, positions[[0, end]])
+    if not np.isfinite(com_end).all():
+        return Walk.diverged("the state is not finite", steps=steps)
+    forward, lateral, _ = (com_end - com_start).tolist()
+    headings = np.unwrap([heading for heading, _, _ in postures[: end + 1]])
+    yaw_swing = float(np.ptp(headings))
+    history = observer.history() if observer else None
+    return Walk(
+        outcome=Outcome.WALKED if fall is None else Outcome.FELL,
+        steps=steps,
+        forward=forward,
+        lateral=lateral,
+        yaw=float(headings[-1] - headings[0]),
+        com_height=float(com_end[2]),
+        yaw_swing=yaw_swing,
+        reason="" if fall is None else f"fell at {fall * FRAME_TIME:.2f} s",
+        history=history,
+        measures=observer.measures(history, forward, yaw_swing) if observer and history else None,
+    )
+
+
+def _first_fall(postures: Sequence[tuple[float, float, float]], seen: int) -> int | None:
+    """The frame by which the robot has fallen, from its torso's postures; `seen` ones stand."""
+    lowest = FALL_HEIGHT * postures[0][2]
+    for frame, (_, upright, height) in enumerate(postures[seen:], seen):
+        # Written so that a state that is not a number counts as a fall.
+        if not (upright > _UPRIGHT and height > lowest):
+            return frame
+    return None
+
+
+def _centres_of_mass(robot: Robot, postures: FloatArray) -> list[FloatArray]:
+    """p_WC [m], shape (3,) each, of postures, shape (n, positions)."""
+    context = robot.plant.CreateDefaultContext()
+    centres: list[FloatArray] = []
+    for positions in postures:
+        robot.plant.SetPositions(context, positions)
+        centres.append(robot.plant.CalcCenterOfMassPositionInWorld(context))
+    return centres
+
+
+def torso_posture(pose: FloatArray) -> tuple[float, float, float]:
+    """Heading [rad], cosine of the lean from upright, and height [m] of the torso.
+
+    Args:
+        pose: Quaternion (w, x, y, z) and position [m] of the torso in the world, shape (7,).
+    """
+    w, x, y, z, _, _, height = pose.tolist()
+    heading = math.atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
+    return heading, 1.0 - 2.0 * (x * x + y * y), height

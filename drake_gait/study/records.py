@@ -1,0 +1,139 @@
+"""One walk of a study, and its row in the study file."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+
+from drake_gait.foot import FootDesign
+from drake_gait.gait import Gait
+from drake_gait.problem.problem import COEFFICIENTS, Candidate
+from drake_gait.walk import Measures, Outcome, Walk
+
+CONFIRMATIONS = 1_000_000
+"""Walks that confirm others have ids from here on, so that a study's budget can grow."""
+
+_FOOT = tuple(field.name for field in fields(FootDesign))
+_WALK = ("steps", "forward", "lateral", "yaw", "com_height")
+_PREDICTED = ("forward", "lateral", "yaw", "survival")
+
+_FEET = ("right", "left")
+_TOES = ("right_big", "right_lesser", "left_big", "left_lesser")
+_PARTS = {"slip": _FEET, "clearance": _FEET, "duty_factor": _FEET, "toe_range": _TOES}
+_MEASURES = {
+    field.name: tuple(f"{field.name}_{part}" for part in _PARTS.get(field.name, ()))
+    for field in fields(Measures)
+}
+"""Fields of Measures, and the columns of those that are tuples."""
+_MEASURE_NAMES = [name for field, parts in _MEASURES.items() for name in parts or (field,)]
+
+COLUMNS = (
+    ["id integer primary key", "stage text not null", "iteration integer not null"]
+    + ["nominal integer", "variation integer not null"]
+    + [f"{name} real not null" for name in (*COEFFICIENTS, *_FOOT)]
+    + ["outcome text not null", "reason text not null", "steps integer not null"]
+    + [f"{name} real not null" for name in _WALK[1:]]
+    + [f"{name} real" for name in _MEASURE_NAMES]
+    + [f"predicted_{name} real" for name in _PREDICTED]
+    + ["seconds real not null", "finished text not null"]
+)
+NAMES = [column.split()[0] for column in COLUMNS]
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyWalk:
+    """One walk of a study."""
+
+    id: int
+    """Its place in the study, from 0."""
+    stage: str
+    """What it was simulated for: "design" (of experiments), "infill" or "confirmation"."""
+    iteration: int
+    """0 for the design of experiments, then the number of the batch after it."""
+    nominal: int | None = None
+    """The walk that it is a variation of."""
+    variation: int = 0
+    """Which variation: 0 as it is, 1 and up perturbed, -1 at reference fidelity."""
+    candidate: Candidate
+    """What walked."""
+    walk: Walk
+    """What it did; without a history."""
+    predicted: Mapping[str, float] | None = None
+    """forward, lateral [m], yaw [rad] and survival, as the network expected them."""
+    seconds: float = 0.0
+    """Time that the simulation took [s]."""
+
+
+def to_row(entry: StudyWalk) -> list[Any]:
+    """The values of a walk's row, in the order of NAMES."""
+    walk, predicted = entry.walk, entry.predicted or {}
+    return (
+        [int(entry.id), entry.stage, int(entry.iteration), entry.nominal, int(entry.variation)]
+        + [float(value) for value in entry.candidate.gait.coefficients.ravel()]
+        + [getattr(entry.candidate.foot, name) for name in _FOOT]
+        + [walk.outcome.value, walk.reason, int(walk.steps)]
+        + [float(getattr(walk, name)) for name in _WALK[1:]]
+        + _measure_values(walk)
+        + [predicted.get(name) for name in _PREDICTED]
+        + [float(entry.seconds), datetime.now(UTC).isoformat(timespec="milliseconds")]
+    )
+
+
+def from_row(row: Mapping[str, Any]) -> StudyWalk:
+    """The walk of a row, given by its columns' names."""
+    coefficients = np.array([row[name] for name in COEFFICIENTS]).reshape(4, 4)
+    predicted = {name: row[f"predicted_{name}"] for name in _PREDICTED}
+    return StudyWalk(
+        id=row["id"],
+        stage=row["stage"],
+        iteration=row["iteration"],
+        nominal=row["nominal"],
+        variation=row["variation"],
+        candidate=Candidate(
+            gait=Gait(coefficients=coefficients),
+            foot=_foot(row),
+        ),
+        walk=Walk(
+            outcome=Outcome(row["outcome"]),
+            reason=row["reason"],
+            **{name: row[name] for name in _WALK},
+            yaw_swing=row["yaw_swing"],
+            measures=_measures(row),
+        ),
+        predicted=None if predicted["forward"] is None else predicted,
+        seconds=row["seconds"],
+    )
+
+
+def _foot(row: Mapping[str, Any]) -> FootDesign:
+    values = {name: row[name] for name in _FOOT}
+    values["rigid_toes"] = bool(values["rigid_toes"])  # SQLite has no truth values.
+    return FootDesign(**values)
+
+
+def _measure_values(walk: Walk) -> list[float | None]:
+    if walk.measures is None:
+        return [walk.yaw_swing if name == "yaw_swing" else None for name in _MEASURE_NAMES]
+    values = (getattr(walk.measures, field) for field in _MEASURES)
+    return [
+        float(number)
+        for value in values
+        for number in (value if isinstance(value, tuple) else (value,))
+    ]
+
+
+def _measures(row: Mapping[str, Any]) -> Measures | None:
+    if row[_MEASURE_NAMES[0]] is None:
+        return None
+
+    def number(name: str) -> float:
+        return math.nan if row[name] is None else float(row[name])  # SQLite has no NaN.
+
+    values: dict[str, Any] = {
+        field: tuple(map(number, parts)) if parts else number(field)
+        for field, parts in _MEASURES.items()
+    }
+    return Measures(**values)

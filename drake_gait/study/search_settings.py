@@ -1,0 +1,128 @@
+"""How a study searches: by which procedure, with how many walks, and how it confirms its winner."""
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, TypeVar
+
+from drake_gait.errors import SettingsError
+from drake_gait.problem.problem import Objective
+
+
+class Mode(StrEnum):
+    """What proposes the walks of a study."""
+
+    DEFAULT = "default"
+    """An ensemble of networks, ISADE on the improvement to expect, a trust region."""
+    PAPER = "paper"
+    """The paper's procedure to the letter: one network of all walks, and ISADE on its outputs."""
+    ISADE = "isade"
+    """ISADE on the simulator, without a network."""
+    CMAES = "cmaes"
+    """The covariance matrix adaptation evolution strategy on the simulator."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchSettings:
+    """How much is simulated, and in what portions."""
+
+    mode: Mode = Mode.DEFAULT
+    """What proposes the walks."""
+    objective: Objective = Objective.DISTANCE
+    """What is wanted of a walk."""
+    samples: int = 100
+    """Walks of the design of experiments (paper: Eq. 29 gives 169, some were added)."""
+    simulations: int = 400
+    """Walks in all, design of experiments included, confirmation not."""
+    batch: int = 12
+    """Candidates proposed by one network, at least 4."""
+    replicas: int = 1
+    """Walks of every candidate that is proposed: the first as it is, the others perturbed.
+
+    Their median counts, and seven of eight must be feasible. A design of experiments, from which
+    networks learn, has one walk of each candidate.
+    """
+    stagnation: int | None = None
+    """Stop after so many networks without a better feasible walk; None: use the whole budget."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "mode", _one_of("search.mode", Mode, self.mode))
+        object.__setattr__(
+            self, "objective", _one_of("search.objective", Objective, self.objective)
+        )
+        for name in ("samples", "simulations", "replicas"):
+            _whole(f"search.{name}", getattr(self, name), 1)
+        _whole("search.batch", self.batch, 4)  # CMA-ES has no smaller population.
+        if self.stagnation is not None:
+            _whole("search.stagnation", self.stagnation, 1)
+        if self.samples > self.simulations:
+            raise SettingsError(
+                f"search.samples ({self.samples}) must not exceed search.simulations "
+                f"({self.simulations}), which counts them too"
+            )
+        proposed = self.simulations - (self.samples if self.learns else 0)
+        if proposed % self.replicas:
+            raise SettingsError(
+                f"search.simulations ({self.simulations}) leaves {proposed} walks for candidates "
+                f"that are proposed; it must leave a multiple of search.replicas ({self.replicas})"
+            )
+
+    @property
+    def learns(self) -> bool:
+        """Whether networks propose, from a design of experiments on."""
+        return self.mode in (Mode.DEFAULT, Mode.PAPER)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConfirmationSettings:
+    """How the best candidates of a search are walked again: perturbed, and at reference fidelity.
+
+    Of each, `replicas` walks are made with noise on every coefficient and friction that is lower
+    and higher in turn. A candidate is robust when `feasible` of them are feasible.
+    """
+
+    walks: int = 400
+    """Walks at most, the reference ones not counted; 0: no confirmation."""
+    winners: int = 3
+    """Robust candidates after which no more are tried."""
+    replicas: int = 8
+    """Perturbed walks of a candidate."""
+    feasible: int = 7
+    """Perturbed walks that must be feasible."""
+    noise: float = math.radians(0.05)
+    """Standard deviation of the noise on every coefficient [rad]."""
+    friction: float = 0.1
+    """Part by which friction is lower or higher."""
+
+    def __post_init__(self) -> None:
+        _whole("confirmation.walks", self.walks, 0)
+        _whole("confirmation.winners", self.winners, 1)
+        _whole("confirmation.replicas", self.replicas, 1)
+        _whole("confirmation.feasible", self.feasible, 1)
+        if self.feasible > self.replicas:
+            raise SettingsError(
+                f"confirmation.feasible ({self.feasible}) must not exceed confirmation.replicas "
+                f"({self.replicas})"
+            )
+        if not 0.0 <= self.noise <= 0.1:
+            raise SettingsError(
+                f"confirmation.noise must be 0 to {math.degrees(0.1):.3g} degrees, got "
+                f"{math.degrees(self.noise):g}"
+            )
+        if not 0.0 <= self.friction <= 0.5:
+            raise SettingsError(f"confirmation.friction must be 0 to 0.5, got {self.friction}")
+
+
+_Enum = TypeVar("_Enum", bound=StrEnum)
+
+
+def _one_of(name: str, kind: type[_Enum], value: Any) -> _Enum:
+    try:
+        return kind(value)
+    except ValueError:
+        raise SettingsError(f"{name} must be one of {', '.join(kind)}, got {value!r}") from None
+
+
+def _whole(name: str, value: Any, least: int) -> None:
+    if isinstance(value, bool) or not isinstance(value, int) or value < least:
+        raise SettingsError(f"{name} must be a whole number >= {least}, got {value}")

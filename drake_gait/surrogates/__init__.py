@@ -1,0 +1,1 @@
+"""Models that predict walks from the walks simulated so far."""

@@ -1,0 +1,1 @@
+"""Many studies: their settings, their results and grids of feet."""

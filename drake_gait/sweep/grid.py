@@ -1,0 +1,209 @@
+"""Given gaits on a grid of feet: which of two design variables matters, and where is the best.
+
+Every gait walks several times on each foot, each time with its own small noise on the coefficients.
+Walks are kept in grid.csv as they finish; an interrupted grid goes on with those that are missing.
+"""
+
+import csv
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drake_gait.errors import StudyError
+from drake_gait.execution.local import LocalProcesses
+from drake_gait.gait import FloatArray, Gait
+from drake_gait.optimization import STARTING_TIME
+from drake_gait.problem.problem import Candidate, Trial
+from drake_gait.simulation.simulate import walk_trial
+from drake_gait.sweep.anova import Effect, two_way
+from drake_gait.sweep.settings import Grid
+from drake_gait.visualization import sweep as sweep_figures
+from drake_gait.walk import Walk
+
+Place = tuple[int, int, int, int]
+"""Level of the first and of the second axis, gait, replica; each from 0."""
+
+_PLACE = ("first", "second", "gait", "replica")
+_NOISE = 11  # Address of random numbers.
+_COLUMNS = (*_PLACE, "outcome", "steps", "forward_mm", "lateral_mm", "yaw_deg")
+
+
+def places(grid: Grid) -> list[Place]:
+    """Every walk of a grid; one replica of all comes before the next."""
+    counts = [range(len(axis.levels)) for axis in grid.axes]
+    return [
+        (first, second, gait, replica)
+        for replica, first, second, gait in product(
+            range(grid.replicas), *counts, range(len(grid.gaits))
+        )
+    ]
+
+
+def candidate(grid: Grid, place: Place) -> Candidate:
+    """The foot and the noisy gait of one walk."""
+    first, second, gait, _ = place
+    rng = np.random.default_rng([grid.settings.seed, _NOISE, *place])
+    noise = np.radians(grid.noise_deg) * rng.uniform(-1.0, 1.0, (4, 4))
+    return Candidate(
+        gait=Gait(coefficients=grid.gaits[gait].coefficients + noise),
+        foot=grid.feet[first][second],
+    )
+
+
+def run_grid(grid: Grid, out: Path, workers: int) -> str:
+    """Walk what is missing, write the analysis and the figure; returns a table for people.
+
+    Raises:
+        StudyError: the folder holds another grid, or a file cannot be written.
+        SettingsError: too few walks survived for an analysis.
+    """
+    path = out / "grid.csv"
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        _claim(grid, out / "grid.json")
+        rows = _known(path)
+        missing = [place for place in places(grid) if place not in rows]
+        limit = grid.settings.walk.time_limit + STARTING_TIME
+        if missing:
+            trials = [
+                Trial(candidate=candidate(grid, place), settings=grid.settings.walk)
+                for place in missing
+            ]
+            with (
+                path.open("a", newline="", encoding="utf-8") as file,
+                LocalProcesses(walk_trial, count=workers, time_limit=limit) as processes,
+            ):
+                writer = csv.writer(file, lineterminator="\n")
+                for finished in processes.run(trials):
+                    place = missing[finished.index]
+                    rows[place] = _row(finished.walk)
+                    writer.writerow([*place, *rows[place].values()])
+                    file.flush()
+        return _analyse(grid, rows, out)
+    except OSError as error:
+        raise StudyError(f"cannot write into {out}: {error.strerror}") from None
+
+
+def _claim(grid: Grid, path: Path) -> None:
+    """Write what the grid is, or refuse a folder that holds another one."""
+    wanted = json.loads(json.dumps({
+        "settings": grid.settings.description(),
+        "axes": [asdict(axis) for axis in grid.axes],
+        "gaits_deg": [gait.degrees.tolist() for gait in grid.gaits],
+        "noise_deg": grid.noise_deg,
+    }))  # fmt: skip
+    if not path.exists():
+        path.write_text(json.dumps(wanted, indent=2) + "\n", encoding="utf-8")
+        (path.parent / "grid.csv").write_text(",".join(_COLUMNS) + "\n", encoding="utf-8")
+        return
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError:
+        found = None
+    if found != wanted:
+        raise StudyError(f"{path.parent} holds another grid; give --out for another folder")
+
+
+def _known(path: Path) -> dict[Place, Mapping[str, Any]]:
+    """The walks in grid.csv; a line that was cut off by the end of a process is dropped."""
+    whole, rows = [",".join(_COLUMNS)], {}
+    lines = path.read_text(encoding="utf-8").split("\n")
+    for line in lines[1:-1]:  # What follows the last line's end is no line.
+        values = dict(zip(_COLUMNS, line.split(","), strict=False))
+        if len(values) == len(_COLUMNS):
+            place = tuple(int(values[name]) for name in _PLACE)
+            rows[place] = {
+                name: value if name == "outcome" else float(value)
+                for name, value in values.items()
+                if name not in _PLACE
+            }
+            whole.append(line)
+    path.write_text("\n".join(whole) + "\n", encoding="utf-8")
+    return rows  # type: ignore[return-value]
+
+
+def _row(walk: Walk) -> Mapping[str, Any]:
+    return {
+        "outcome": str(walk.outcome),
+        "steps": walk.steps,
+        "forward_mm": 1e3 * walk.forward,
+        "lateral_mm": 1e3 * walk.lateral,
+        "yaw_deg": float(np.degrees(walk.yaw)),
+    }
+
+
+def _analyse(grid: Grid, rows: Mapping[Place, Mapping[str, Any]], out: Path) -> str:
+    """Write anova.json and grid.png from all walks of a grid."""
+    walked = [place for place in places(grid) if rows[place]["outcome"] == "walked"]
+    distance = np.array([rows[place]["forward_mm"] for place in walked])
+    first, second, gait, _ = np.array(walked, dtype=int).reshape(-1, 4).T
+    names = tuple(axis.name for axis in grid.axes)
+    effects = two_way(distance, first, second, gait, names)
+    shape = tuple(len(axis.levels) for axis in grid.axes)
+    mean, survivors = np.full(shape, np.nan), np.zeros(shape, dtype=int)
+    # Gaits differ more than feet: a cell is compared by how far it is from its gaits' means.
+    expected = np.array([distance[gait == own].mean() for own in gait])
+    for cell in np.ndindex(shape):
+        here = (first == cell[0]) & (second == cell[1])
+        survivors[cell] = here.sum()
+        if here.any():
+            mean[cell] = (distance - expected)[here].mean()
+    mean += distance.mean()
+    labels = [[_label(level) for level in axis.levels] for axis in grid.axes]
+    content = {
+        "walks": len(rows),
+        "survivors": len(walked),
+        "effects": [asdict(effect) for effect in effects],
+        "mean_forward_mm": [
+            [None if np.isnan(cell) else cell for cell in row] for row in mean.tolist()
+        ],
+        "survivors_by_cell": survivors.tolist(),
+    }
+    (out / "anova.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    sweep_figures.grid(mean, labels, names, out / "grid.png")
+    return (
+        f"{_table(effects)}\n\n{_cells(mean, survivors, labels, names, grid)}\n{out}: grid.csv, "
+        "anova.json, grid.png"
+    )
+
+
+def _label(level: Mapping[str, float]) -> str:
+    return " / ".join(f"{value:g}" for value in level.values())
+
+
+def _table(effects: Sequence[Effect]) -> str:
+    lines = [f"{'effect on Z':<22} {'df':>4} {'share':>8} {'F':>9} {'p':>9}"]
+    for effect in effects:
+        ratio = "" if effect.ratio is None else f"{effect.ratio:9.2f}"
+        p_value = "" if effect.p_value is None else f"{effect.p_value:9.2g}"
+        share = 100.0 * effect.share
+        lines.append(f"{effect.name:<22} {effect.degrees:4d} {share:7.1f}% {ratio:>9} {p_value:>9}")
+    return "\n".join(lines)
+
+
+def _cells(
+    mean: FloatArray,
+    survivors: FloatArray,
+    labels: Sequence[Sequence[str]],
+    names: Sequence[str],
+    grid: Grid,
+) -> str:
+    """The means of all cells, and the best of those where at least half of the walks survived."""
+    wanted = grid.replicas * len(grid.gaits) / 2.0
+    ranked = np.where(survivors >= wanted, mean, -np.inf)
+    row_index, column_index = divmod(int(np.nanargmax(ranked)), mean.shape[1])
+    lines = [f"mean Z of survivors [mm]; rows {names[0]}, columns {names[1]}"]
+    width = max(9, *(len(label) + 1 for label in labels[1]))
+    lines.append(" " * 18 + "".join(f"{label:>{width}}" for label in labels[1]))
+    for label, row in zip(labels[0], mean, strict=True):
+        lines.append(f"{label:>18}" + "".join(f"{value:{width}.1f}" for value in row))
+    lines.append(
+        f"furthest: {names[0]} {labels[0][row_index]}, {names[1]} {labels[1][column_index]}, "
+        f"{mean[row_index, column_index]:.1f} mm"
+    )
+    return "\n".join(lines) + "\n"

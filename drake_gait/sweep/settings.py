@@ -1,0 +1,248 @@
+"""What a sweep is to run, read from its TOML file: variants of one study, or a grid of feet.
+
+    [sweep]
+    name = "toes_or_rigid"
+    question = "Do passive toes help?"
+    base = "paper.toml"            # a study file, beside this one
+    seeds = [0, 1, 2]
+
+    [common]                       # settings of all variants
+    search.simulations = 300
+
+    [variants.toes]                # settings of one; none here
+    [variants.rigid]
+    foot.rigid_toes = true
+
+A grid has, in place of seeds and variants, gaits that walk on every foot of the grid:
+
+    [grid]
+    replicas = 5                   # walks of a gait on a foot
+    noise_deg = 0.05               # added to every coefficient of a replica, evenly up to ±
+    results = ["../runs/paper/result.json"]   # gaits, or coefficients_deg = [[4 rows of 4], ...]
+
+    [[grid.axes]]                  # two of them; the keys are those of a study's [foot]
+    name = "damping"
+    toe_damping_n_m_s_per_rad = [1e-4, 1e-3]
+"""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from drake_gait.errors import SettingsError
+from drake_gait.foot import FootDesign
+from drake_gait.gait import Gait
+from drake_gait.study._toml import coefficients_of_result
+from drake_gait.study.settings import StudySettings, read_study
+
+Overrides = Mapping[tuple[str, str], Any]
+
+_SWEEP_KEYS = ("name", "question", "base", "seeds")
+_GRID_KEYS = ("replicas", "noise_deg", "results", "coefficients_deg", "axes")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlannedStudy:
+    """One optimisation of a sweep: an ordinary study."""
+
+    variant: str
+    """The variant that it belongs to."""
+    seed: int
+    """Its seed."""
+    settings: StudySettings
+    """All its settings."""
+    overrides: Overrides
+    """What differs from the base, as `optimize --set` takes it."""
+
+    def folder(self, out: Path) -> Path:
+        """Its folder in a sweep's."""
+        return out / self.variant / f"seed-{self.seed}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Axis:
+    """One factor of a grid."""
+
+    name: str
+    """What it is called."""
+    levels: tuple[Mapping[str, float], ...]
+    """Keys of a study's [foot] and their values, for each level."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Grid:
+    """Feet on which given gaits walk."""
+
+    settings: StudySettings
+    """The base: how a walk is simulated, and the foot that the axes change."""
+    gaits: tuple[Gait, ...]
+    """The gaits."""
+    axes: tuple[Axis, Axis]
+    """The two factors."""
+    feet: tuple[tuple[FootDesign, ...], ...]
+    """The foot of every cell, by levels of the first and of the second axis."""
+    replicas: int
+    """Walks of every gait on every foot."""
+    noise_deg: float
+    """Largest change of each coefficient of a replica [degrees]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sweep:
+    """A sweep's file, read and checked as a whole."""
+
+    name: str
+    """Its name; its folder is runs/<name> if none is given."""
+    question: str
+    """What it is to find out."""
+    base: Path
+    """The study file whose settings it varies."""
+    studies: tuple[PlannedStudy, ...] = ()
+    """Every optimisation, one seed of all variants after the other."""
+    grid: Grid | None = None
+    """Or the grid."""
+
+    @property
+    def variants(self) -> tuple[str, ...]:
+        """Names of the variants, in the order of the file."""
+        return tuple(dict.fromkeys(study.variant for study in self.studies))
+
+
+def read_sweep(path: Path) -> Sweep:
+    """Read a sweep's TOML file; every study in it is read too, so that none is refused later.
+
+    Raises:
+        SettingsError: the file, its base or a result cannot be read, or a value cannot be used.
+    """
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise SettingsError(f"cannot read sweep {path}: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise SettingsError(f"sweep {path} is not TOML: {error}") from None
+    try:
+        return _sweep(content, path.parent)
+    except SettingsError as error:
+        raise SettingsError(f"sweep {path}: {error}") from None
+
+
+def _sweep(content: Mapping[str, Any], folder: Path) -> Sweep:
+    _only("section", content, ("sweep", "common", "variants", "grid"))
+    head = _table("sweep", content.get("sweep", {}))
+    _only("key of [sweep]", head, _SWEEP_KEYS)
+    for key in ("name", "base"):
+        if not isinstance(head.get(key), str) or not head[key]:
+            raise SettingsError(f'[sweep] needs a {key} = "..."')
+    if not isinstance(head.get("question", ""), str):
+        raise SettingsError(f"sweep.question must be text, got {head['question']!r}")
+    base = folder / head["base"]
+    common = _overrides("common", content.get("common", {}))
+    named = {"name": head["name"], "question": head.get("question", ""), "base": base}
+    if ("grid" in content) == ("variants" in content):
+        raise SettingsError("a sweep has either [variants.NAME] sections or a [grid]")
+    if "grid" in content:
+        if "seeds" in head:
+            raise SettingsError("a [grid] has no sweep.seeds; its base has the seed")
+        return Sweep(**named, grid=_grid(_table("grid", content["grid"]), base, common, folder))
+    variants = {
+        name: {**common, **_overrides(f"variants.{name}", values)}
+        for name, values in _table("variants", content["variants"]).items()
+    }
+    studies = tuple(
+        _planned(head["name"], variant, seed, base, overrides)
+        for seed in _seeds(head.get("seeds"))
+        for variant, overrides in variants.items()
+    )
+    return Sweep(**named, studies=studies)
+
+
+def _planned(sweep: str, variant: str, seed: int, base: Path, overrides: Overrides) -> PlannedStudy:
+    if not variant or "/" in variant or variant.startswith("."):
+        raise SettingsError(f"a variant's name must do as a folder's name, got '{variant}'")
+    overrides = {**overrides, ("study", "name"): f"{sweep}-{variant}", ("study", "seed"): seed}
+    settings = read_study(base, overrides)
+    return PlannedStudy(variant=variant, seed=seed, settings=settings, overrides=overrides)
+
+
+def _grid(values: Mapping[str, Any], base: Path, common: Overrides, folder: Path) -> Grid:
+    _only("key of [grid]", values, _GRID_KEYS)
+    replicas, noise = values.get("replicas", 1), values.get("noise_deg", 0.0)
+    if isinstance(replicas, bool) or not isinstance(replicas, int) or replicas < 1:
+        raise SettingsError(f"grid.replicas must be a whole number >= 1, got {replicas!r}")
+    if isinstance(noise, bool) or not isinstance(noise, (int, float)) or not 0.0 <= noise <= 1.0:
+        raise SettingsError(f"grid.noise_deg must lie in 0 to 1 degrees, got {noise!r}")
+    gaits = _gaits(values, folder)
+    axes = values.get("axes", [])
+    if not isinstance(axes, list) or len(axes) != 2:
+        raise SettingsError("[grid] needs two [[grid.axes]]")
+    first, second = (_axis(_table("grid.axes", axis)) for axis in axes)
+    if shared := first.levels[0].keys() & second.levels[0].keys():
+        raise SettingsError(f"both axes of the grid set {', '.join(sorted(shared))}")
+    feet = tuple(
+        tuple(
+            read_study(
+                base, {**common, **{("foot", key): value for key, value in (one | two).items()}}
+            ).space.foot
+            for two in map(dict, second.levels)
+        )
+        for one in map(dict, first.levels)
+    )
+    return Grid(
+        settings=read_study(base, common),
+        gaits=gaits,
+        axes=(first, second),
+        feet=feet,
+        replicas=replicas,
+        noise_deg=float(noise),
+    )
+
+
+def _axis(values: Mapping[str, Any]) -> Axis:
+    columns = {key: column for key, column in values.items() if key != "name"}
+    name = values.get("name", next(iter(columns), ""))
+    counts = {len(column) if isinstance(column, list) else 0 for column in columns.values()}
+    if not isinstance(name, str) or len(counts) != 1 or min(counts) < 2:
+        raise SettingsError(
+            "each of [[grid.axes]] needs keys of [foot] with equally many values, two or more, "
+            f"got {dict(values)}"
+        )
+    rows = zip(*columns.values(), strict=True)
+    return Axis(name=name, levels=tuple(dict(zip(columns, row, strict=True)) for row in rows))
+
+
+def _gaits(values: Mapping[str, Any], folder: Path) -> tuple[Gait, ...]:
+    tables = list(values.get("coefficients_deg", []))
+    results = (folder / name for name in values.get("results", []))
+    tables += [coefficients_of_result(path) for path in results]
+    if not tables:
+        raise SettingsError('[grid] needs gaits: results = ["..."] or coefficients_deg = [...]')
+    return tuple(Gait.from_degrees(table) for table in tables)
+
+
+def _seeds(seeds: Any) -> list[int]:
+    whole = isinstance(seeds, list) and all(type(seed) is int and seed >= 0 for seed in seeds)
+    if not whole or not seeds or len(set(seeds)) != len(seeds):
+        raise SettingsError(f"sweep.seeds must be different whole numbers >= 0, got {seeds!r}")
+    return list(seeds)
+
+
+def _overrides(name: str, values: Any) -> dict[tuple[str, str], Any]:
+    return {
+        (section, key): value
+        for section, keys in _table(name, values).items()
+        for key, value in _table(f"{name}.{section}", keys).items()
+    }
+
+
+def _table(name: str, values: Any) -> Mapping[str, Any]:
+    if not isinstance(values, Mapping):
+        raise SettingsError(f"[{name}] must be a section, got {values!r}")
+    return values
+
+
+def _only(what: str, given: Mapping[str, Any], known: tuple[str, ...]) -> None:
+    for name in given:
+        if name not in known:
+            raise SettingsError(f"no {what} is called '{name}'; there are {', '.join(known)}")

@@ -1,0 +1,1 @@
+"""Figures of walks and studies, recordings and pictures of the robot."""

@@ -1,0 +1,42 @@
+"""A walk while it is simulated, in every browser that is connected to Meshcat."""
+
+import time
+from pathlib import Path
+
+import numpy as np
+from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_gait.foot import FootDesign
+from drake_gait.gait import FRAME_TIME, FloatArray
+from drake_gait.servo import Servo
+from drake_gait.simulation.plant import add_robot
+from drake_gait.visualization.meshcat import ROBOT_HEIGHT, draw_ground, place_camera, set_lights
+
+_GROUND = np.array([-0.2, -0.3]), np.array([0.8, 0.3])  # most walks end on it [m]
+
+
+class Screen:
+    """Shows a robot on its ground; `show` is what `simulate` takes as its `watch`."""
+
+    def __init__(self, meshcat: Meshcat, model: str | Path, foot: FootDesign) -> None:
+        builder = DiagramBuilder()
+        self._plant, scene_graph = add_robot(builder, model, foot, Servo())
+        parameters = MeshcatVisualizerParams(prefix="robot", publish_period=FRAME_TIME)
+        MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, parameters)
+        self._diagram = builder.Build()
+        self._context = self._diagram.CreateDefaultContext()
+        self._begun: float | None = None
+        set_lights(meshcat)
+        draw_ground(meshcat, *_GROUND)
+        place_camera(meshcat, [*_GROUND[0], 0.0], [*_GROUND[1], ROBOT_HEIGHT])
+
+    def show(self, instant: float, positions: FloatArray) -> None:
+        """Show the robot, not before its instant [s] has come: never faster than real time."""
+        if self._begun is None:
+            self._begun = time.monotonic() - instant
+        time.sleep(max(0.0, self._begun + instant - time.monotonic()))
+        self._context.SetTime(instant)
+        plant_context = self._plant.GetMyMutableContextFromRoot(self._context)
+        self._plant.SetPositions(plant_context, positions)
+        self._diagram.ForcedPublish(self._context)

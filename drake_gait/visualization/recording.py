@@ -1,0 +1,165 @@
+"""Walks as one web page: robots in three dimensions, replayed by Meshcat.
+
+The page needs no network and no server. It plays in a loop, in real time; `walk.html#t=1.5` opens
+it at rest at 1.5 s.
+"""
+
+import html
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydrake.geometry import Meshcat, MeshcatAnimation
+from pydrake.math import RigidTransform
+
+from drake_gait.errors import GaitError, SettingsError
+from drake_gait.gait import FRAME_TIME
+from drake_gait.problem.problem import Candidate
+from drake_gait.visualization.meshcat import (
+    FORCE_SCALE,
+    ROBOT_HEIGHT,
+    animate_ground_reaction,
+    animate_robot,
+    draw_floor,
+    draw_paths,
+    floor_extent,
+    place_camera,
+    set_lights,
+    start_meshcat,
+)
+from drake_gait.walk import DEFAULT_MODEL, History, Walk
+
+_GALLERY_VIEW = (0.55, -1.0, 0.75)  # higher, so that no robot hides the one behind it
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Exhibit:
+    """One walk of a gallery."""
+
+    walk: Walk
+    """A walk with its history."""
+    candidate: Candidate
+    """What walked."""
+    label: str
+    """What is written beside it."""
+    model: str | Path = DEFAULT_MODEL
+    """The robot description that walked."""
+
+
+def record(
+    walk: Walk,
+    candidate: Candidate,
+    path: Path,
+    *,
+    model: str | Path = DEFAULT_MODEL,
+    caption: str = "",
+) -> None:
+    """Write a walk as one self-contained HTML page.
+
+    Args:
+        walk: A walk with its history: `simulate(candidate, history=True)`.
+        candidate: What walked; its foot gives the toes their width.
+        path: The file to write.
+        model: The robot description that walked.
+        caption: One line of text for the page.
+
+    Raises:
+        SettingsError: the walk has no history, or another robot walked it.
+        GaitError: no port is free for Meshcat, or the file cannot be written.
+    """
+    history = _history(walk)
+    meshcat = _recording()
+    _show(meshcat, history, candidate, model)
+    lower, upper = floor_extent(history)
+    place_camera(meshcat, [*lower, 0.0], [*upper, ROBOT_HEIGHT])
+    _write(meshcat, caption or "A walk", [], path)
+
+
+def record_gallery(exhibits: Sequence[Exhibit], path: Path, *, caption: str = "") -> None:
+    """Write several walks as one page, side by side and at the same time.
+
+    The first one is the nearest; all start at one line.
+
+    Args:
+        exhibits: The walks.
+        path: The file to write.
+        caption: One line of text for the page.
+
+    Raises:
+        SettingsError: there is none, one has no history, or another robot walked it.
+        GaitError: no port is free for Meshcat, or the file cannot be written.
+    """
+    if not exhibits:
+        raise SettingsError("a gallery needs at least one walk")
+    histories = [_history(exhibit.walk) for exhibit in exhibits]
+    meshcat = _recording()
+    labels: list[dict[str, Any]] = []
+    near, corners = 0.0, []
+    for number, (exhibit, history) in enumerate(zip(exhibits, histories, strict=True)):
+        lane = f"walk {number}"
+        _show(meshcat, history, exhibit.candidate, exhibit.model, f"{lane}/")
+        lower, upper = floor_extent(history)
+        offset: Any = np.array([-history.com[0, 0], near - lower[1], 0.0])
+        meshcat.SetTransform(lane, RigidTransform(offset))
+        lower, upper = lower + offset[:2], upper + offset[:2]
+        middle = (lower[1] + upper[1]) / 2.0
+        labels.append({"text": exhibit.label, "at": [float(upper[0]), float(middle), 0.0]})
+        corners += [lower, upper]
+        near = float(upper[1])
+    low, high = np.min(corners, axis=0), np.max(corners, axis=0)
+    place_camera(meshcat, [*low, 0.0], [*high, ROBOT_HEIGHT], _GALLERY_VIEW)
+    _write(meshcat, caption or "Walks side by side", labels, path)
+
+
+def _history(walk: Walk) -> History:
+    if walk.history is None:
+        raise SettingsError("this walk has no history to record; simulate(candidate, history=True)")
+    return walk.history
+
+
+def _recording() -> Meshcat:
+    meshcat = start_meshcat()  # nothing needs to connect to it
+    meshcat.StartRecording(frames_per_second=1.0 / FRAME_TIME)
+    set_lights(meshcat)
+    return meshcat
+
+
+def _show(
+    meshcat: Meshcat, history: History, candidate: Candidate, model: str | Path, prefix: str = ""
+) -> None:
+    """Put one walk into the scene, everything of it below `prefix`."""
+    draw_floor(meshcat, history, prefix)
+    draw_paths(meshcat, history, prefix)
+    animate_robot(meshcat, history, candidate, model, prefix)
+    animate_ground_reaction(meshcat, history, prefix)
+
+
+def _write(meshcat: Meshcat, caption: str, labels: Sequence[dict[str, Any]], path: Path) -> None:
+    animation = meshcat.get_mutable_recording()
+    animation.set_loop_mode(MeshcatAnimation.LoopMode.kLoopRepeat)
+    animation.set_repetitions(1_000_000)
+    meshcat.PublishRecording()
+    page = _with_panel(meshcat.StaticHtml(), caption, labels)
+    try:
+        path.write_text(page, encoding="utf-8")
+    except OSError as error:
+        raise GaitError(f"cannot write the recording {path}: {error.strerror}") from None
+
+
+def _with_panel(page: str, caption: str, labels: Sequence[dict[str, Any]]) -> str:
+    """Add title, caption, legend, labels, pause button and time slider to Meshcat's page."""
+    title = html.escape(caption)
+    panel = (files("drake_gait.visualization") / "recording_panel.html").read_text(encoding="utf-8")
+    # No label can end the script that holds it.
+    listed = json.dumps(labels).replace("<", "\\u003c")
+    for name, text in (
+        ("scale", f"{1e3 * FORCE_SCALE:g}"), ("labels", listed), ("caption", title)
+    ):  # fmt: skip
+        panel = panel.replace(f"@{name}@", text)
+    page = page.replace("<title>Drake MeshCat</title>", f"<title>{title}</title>", 1)
+    before, closing, after = page.rpartition("</body>")
+    return before + panel + closing + after

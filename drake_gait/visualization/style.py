@@ -1,0 +1,107 @@
+"""The one style of all figures: sizes, colours, and how a figure becomes a file.
+
+A journal's column wide, a unit on every axis, colours that remain apart for colour-blind readers;
+right is blue and left is vermilion everywhere. `walk_figures` and `study_figures` draw.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.image import imsave
+
+from drake_gait.errors import GaitError, SettingsError
+from drake_gait.visualization.rasterizer import Picture
+
+COLUMN = 3.5
+"""Width of a figure of one column [inch]."""
+PAGE = 7.2
+"""Width of a figure of two columns [inch]."""
+PNG_RESOLUTION = 200
+"""Dots per inch of a PNG."""
+FORMATS = (".png", ".svg")
+"""What a figure is written as when its path names no format."""
+
+# Without a date or a version inside, the same data give the same file.
+_NAMELESS: dict[str, Any] = {".svg": {"Date": None}, ".png": {"Software": None}}
+
+# Okabe and Ito's palette.
+BLUE, VERMILION, GREEN = "#0072b2", "#d55e00", "#009e73"
+ORANGE, PURPLE, SKY, GREY = "#e69f00", "#cc79a7", "#56b4e9", "#8a8f98"
+INK = "#2b2f36"
+RIGHT, LEFT, COM = BLUE, VERMILION, GREEN
+SIDES = (("right", RIGHT), ("left", LEFT))
+"""Name and colour of each side, in the order of every array with two feet."""
+
+# Its keys have no type that every release of matplotlib shares.
+STYLE: Any = {
+    "font.family": "sans-serif",
+    "font.size": 8.0,
+    "axes.titlesize": 8.0,
+    "axes.labelsize": 8.0,
+    "legend.fontsize": 7.0,
+    "xtick.labelsize": 7.0,
+    "ytick.labelsize": 7.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.linewidth": 0.6,
+    "grid.color": "#dfe2e6",
+    "grid.linewidth": 0.5,
+    "lines.linewidth": 1.2,
+    "legend.frameon": False,
+    "svg.fonttype": "none",  # text stays text
+    "svg.hashsalt": "drake_gait",  # the same figure gives the same file
+}
+
+GAIT_PHASES = (
+    (1.2, "initial contact"),
+    (1.5, "mid-stance"),
+    (1.8, "terminal stance"),
+    (2.1, "initial swing"),
+    (2.4, "terminal swing"),
+)
+"""Instants [s] of the paper's Fig. 12 and what the right leg is doing."""
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure [inch], to be filled within `rc_context(STYLE)`."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write a figure in the format of the path's ending, or, where it has none, in FORMATS.
+
+    The same data give the same file.
+
+    Raises:
+        SettingsError: no figure can be written in this format.
+        GaitError: the file cannot be written.
+    """
+    figure.dpi = PNG_RESOLUTION
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # Each format would lay the same figure out anew.
+    for file in [path] if path.suffix else [path.with_suffix(ending) for ending in FORMATS]:
+        try:
+            figure.savefig(file, dpi=PNG_RESOLUTION, metadata=_NAMELESS.get(file.suffix))
+        except OSError as error:
+            raise GaitError(f"cannot write the figure {file}: {error.strerror}") from None
+        except ValueError as error:
+            raise SettingsError(f"cannot write the figure {file}: {error}") from None
+
+
+def save_picture(picture: Picture, path: Path) -> None:
+    """Write a picture by itself, without axes, as a PNG.
+
+    Raises:
+        GaitError: the file cannot be written.
+    """
+    try:
+        imsave(path, np.clip(picture.pixels, 0.0, 1.0), metadata=_NAMELESS[".png"])
+    except OSError as error:
+        raise GaitError(f"cannot write the picture {path}: {error.strerror}") from None

@@ -1,0 +1,275 @@
+"""Figures of one walk: the paper's Figs. 11 to 13, and what it could not show.
+
+Each function draws one figure and writes it to `path`: see `figures.save_figure`.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib import rc_context
+from numpy.typing import NDArray
+
+from drake_gait.errors import SettingsError
+from drake_gait.gait import ANGULAR_VELOCITY, CYCLE_TIME, FRAME_TIME, JOINTS, WAVEFORMS, FloatArray
+from drake_gait.visualization import human
+from drake_gait.visualization.rasterizer import Picture
+from drake_gait.visualization.style import (
+    COLUMN,
+    COM,
+    GAIT_PHASES,
+    GREY,
+    INK,
+    PAGE,
+    SIDES,
+    STYLE,
+    new_figure,
+    save_figure,
+)
+from drake_gait.walk import History
+
+CONTACT_FORCE = 0.1
+"""A foot stands on the ground when it is pressed with more than this [N]."""
+
+_ROOM_BEHIND, _ROOM_AHEAD, _EDGE = 120.0, 145.0, 5.0  # round the centre of mass, at least [mm]
+_IMPACT = 4.0  # times the usual force: beyond this, an impact is cut off
+_LEG_JOINTS = {
+    "roll": "hip_roll",
+    "hip": "hip_pitch",
+    "knee": "knee",
+    "ankle": "ankle_pitch",
+}
+_NATURAL_CYCLE = (CYCLE_TIME, 2.0 * CYCLE_TIME)  # 'the most natural' of the three
+_GAIT_FUNCTION = (0.3, 3.3)  # when the gait function is in command (Eqs. 3-9) [s]
+
+
+def waveforms(history: History, path: Path) -> None:
+    """Fig. 13: roll, hip, knee and ankle of both legs in the second cycle, command and measured.
+
+    Behind them a human's right leg, whose initial contact is at 1.2 s as in Fig. 12.
+    """
+    with rc_context(STYLE):
+        figure = new_figure(COLUMN, 5.4)
+        panels = figure.subplots(len(WAVEFORMS), 1, sharex=True)
+        shown = _between(history.time, *_NATURAL_CYCLE)
+        time = history.time[shown]
+        for axes, waveform in zip(panels, WAVEFORMS, strict=True):
+            for side, colour in SIDES:
+                column = JOINTS.index(f"{_LEG_JOINTS[waveform]}_{side[0]}")
+                command = np.degrees(history.commands[shown, column])
+                measured = np.degrees(history.angles[shown, column])
+                axes.plot(time, command, "--", color=colour, linewidth=0.9, alpha=0.8)
+                axes.plot(time, measured, color=colour)
+            if waveform in human.JOINTS:
+                phase = np.linspace(0.0, 1.0, 121)
+                mean, deviation = human.angles(waveform, phase)
+                cycle = _NATURAL_CYCLE[0] + CYCLE_TIME * phase
+                axes.fill_between(cycle, mean - deviation, mean + deviation, color=GREY,
+                                  alpha=0.25, linewidth=0.0, zorder=1)  # fmt: skip
+                axes.plot(cycle, mean, color=INK, linewidth=0.9, zorder=1.5)
+            axes.set_ylabel(f"{waveform} [deg]")
+        panels[-1].set_xlabel("time [s]")
+        panels[-1].set_xlim(*_NATURAL_CYCLE)
+        for side, colour in SIDES:
+            panels[0].plot([], [], color=colour, label=f"{side} leg")
+        panels[0].plot([], [], "--", color=GREY, linewidth=0.9, label="command")
+        panels[0].plot([], [], color=GREY, label="measured")
+        panels[0].plot([], [], color=INK, linewidth=0.9, label="human, right leg")
+        handles, labels = panels[0].get_legend_handles_labels()
+        order = [0, 2, 1, 3, 4]  # of a legend in columns
+        figure.legend([handles[place] for place in order], [labels[place] for place in order],
+                      loc="outside upper center", ncols=3, columnspacing=1.2,
+                      handlelength=1.6)  # fmt: skip
+        figure.align_ylabels()
+        save_figure(figure, path)
+
+
+def paths(history: History, path: Path) -> None:
+    """Fig. 11: centre of mass and both ankles from above, from the start of the centre of mass.
+
+    With the sinusoid of one stride that is nearest to the sway of the centre of mass.
+    """
+    origin = history.com[0, :2]
+    tracks = (
+        ("right ankle", SIDES[0][1], history.ankles[:, 0, :2]),
+        ("left ankle", SIDES[1][1], history.ankles[:, 1, :2]),
+        ("centre of mass", COM, history.com[:, :2]),
+    )
+    with rc_context(STYLE):
+        figure = new_figure(COLUMN, 2.6)
+        axes = figure.subplots()
+        for name, colour, points in tracks:
+            forward, lateral = 1e3 * (points - origin).T
+            axes.plot(forward, lateral, color=colour, label=name)
+            axes.plot(forward[0], lateral[0], "o", color=colour, markersize=3.5)
+            axes.plot(forward[-1], lateral[-1], "s", color=colour, markersize=3.5)
+        walking = _between(history.time, *_GAIT_FUNCTION)
+        if walking.sum() * FRAME_TIME > CYCLE_TIME:
+            fitted, amplitude = sway(history.time[walking], history.com[walking, 1])
+            axes.plot(1e3 * (history.com[walking, 0] - origin[0]), 1e3 * (fitted - origin[1]), ":",
+                      color=INK, linewidth=1.1,
+                      label=f"sinusoid, ±{1e3 * amplitude:.0f} mm")  # fmt: skip
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.set_xlabel("forward [mm]")
+        axes.set_ylabel("lateral, left positive [mm]")
+        axes.plot([], [], "o", color=GREY, markersize=3.5, label="start")
+        axes.plot([], [], "s", color=GREY, markersize=3.5, label="finish")
+        figure.legend(loc="outside upper center", ncols=3, columnspacing=1.2, handlelength=1.4)
+        save_figure(figure, path)
+
+
+def sway(time: FloatArray, lateral: FloatArray) -> tuple[FloatArray, float]:
+    """The sinusoid of one gait cycle on a straight line that is nearest to a lateral path.
+
+    Args:
+        time: Instants [s], shape (n,).
+        lateral: Lateral positions [m], shape (n,).
+
+    Returns:
+        Its lateral positions [m], shape (n,), and its amplitude [m].
+    """
+    angle = ANGULAR_VELOCITY * time
+    basis = np.stack([np.ones_like(time), time, np.cos(angle), np.sin(angle)], axis=1)
+    weights = np.linalg.lstsq(basis, lateral)[0]
+    return basis @ weights, float(np.hypot(*weights[2:]))
+
+
+def postures(history: History, pictures: Sequence[Picture], path: Path) -> None:
+    """Fig. 12: the robot at the five instants of GAIT_PHASES from its right side, and its toes.
+
+    Big and lesser toes are named with their angles, of the foot whose toes are bent more.
+
+    Args:
+        history: A walk.
+        pictures: The robot at these instants: `rendering.pictures` of `posture_frames`.
+        path: The file to write.
+
+    Raises:
+        SettingsError: there is not one picture for each instant.
+    """
+    frames = posture_frames(history)
+    if len(pictures) != len(frames):
+        raise SettingsError(f"postures needs {len(frames)} pictures, got {len(pictures)}")
+    # All of the robot, however long its step; a panel is one of five across the page.
+    reach = [
+        (1e3 * (picture.extent[0] - history.com[frame, 0]),
+         1e3 * (picture.extent[1] - history.com[frame, 0]))
+        for frame, picture in zip(frames, pictures, strict=True)
+    ]  # fmt: skip
+    behind = min(-_ROOM_BEHIND, *(begin - _EDGE for begin, _ in reach))
+    ahead = max(_ROOM_AHEAD, *(end + _EDGE for _, end in reach))
+    scale = (_ROOM_BEHIND + _ROOM_AHEAD) / (ahead - behind)
+    with rc_context(STYLE):
+        figure = new_figure(PAGE, 1.4 + 2.5 * scale)
+        rows = figure.subplots(2, len(frames), sharey="row", height_ratios=(430 * scale, 110))
+        for column, (frame, picture) in enumerate(zip(frames, pictures, strict=True)):
+            instant, phase = GAIT_PHASES[column]
+            whole, toes = rows[:, column]
+            centre = history.com[frame, 0]
+            left, right, lower, upper = (1e3 * edge for edge in picture.extent)
+            for axes in (whole, toes):
+                axes.axhline(0.0, color=INK, linewidth=0.8, zorder=1)
+                axes.imshow(np.clip(picture.pixels, 0.0, 1.0), interpolation="antialiased",
+                            extent=(left - 1e3 * centre, right - 1e3 * centre, lower, upper),
+                            zorder=2)  # fmt: skip
+                axes.set_aspect("equal")
+            for foot, (_, colour) in enumerate(SIDES):
+                ankle = history.ankles[frame, foot]
+                whole.plot(1e3 * (ankle[0] - centre), 1e3 * ankle[2], "o", color=colour,
+                           markersize=4.5, markeredgecolor="white", zorder=3)  # fmt: skip
+            whole.plot(0.0, 1e3 * history.com[frame, 2], "o", color=COM, markersize=5.5,
+                       markeredgecolor="white", zorder=3)  # fmt: skip
+            whole.set(xlim=(behind, ahead), ylim=(-12.0, 418.0))
+            whole.set_title(f"{instant:.1f} s, {phase}")
+            # Of the foot whose toes are bent more; in front of its ankle, at twice the scale.
+            foot = int(np.argmax(history.toes[frame].reshape(2, 2).max(axis=1)))
+            begin = 1e3 * (history.ankles[frame, foot, 0] - centre) - 30.0
+            toes.set(xlim=(begin, begin + 132.5), ylim=(-9.0, 46.0), yticks=(0.0, 25.0))
+            # Adding zero makes a plain one of minus zero.
+            big, lesser = np.round(np.degrees(history.toes[frame, 2 * foot : 2 * foot + 2])) + 0.0
+            toes.set_title(f"{SIDES[foot][0]} toes {big:.0f}° and {lesser:.0f}°", fontsize=7.0)
+        rows[0, 0].set_ylabel("height [mm]")
+        rows[1, 0].set_ylabel("toes [mm]")
+        rows[1, len(frames) // 2].set_xlabel("forward of the centre of mass [mm]")
+        for side, colour in SIDES:
+            rows[0, 0].plot([], [], "o", color=colour, label=f"{side} ankle")
+        rows[0, 0].plot([], [], "o", color=COM, label="centre of mass")
+        handles, labels = rows[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=3)
+        save_figure(figure, path)
+
+
+def posture_frames(history: History) -> list[int]:
+    """Frames of a walk at the instants of GAIT_PHASES; its last one where it fell before."""
+    last = len(history.time) - 1
+    return [min(round(instant / FRAME_TIME), last) for instant, _ in GAIT_PHASES]
+
+
+def ground_reaction(history: History, path: Path) -> None:
+    """Vertical force on each foot, and when each foot, or both, stands on the ground."""
+    vertical = history.ground_reaction[:, :, 2]
+    stands = vertical > CONTACT_FORCE
+    both: NDArray[np.bool_] = stands[:, 0] & stands[:, 1]
+    with rc_context(STYLE):
+        figure = new_figure(COLUMN, 3.4)
+        force, contact = figure.subplots(2, 1, sharex=True, height_ratios=(5, 2))
+        for foot, (side, colour) in enumerate(SIDES):
+            force.plot(history.time, vertical[:, foot], color=colour, label=f"{side} foot")
+        total = vertical.sum(axis=1)
+        force.plot(history.time, total, color=GREY, linewidth=0.7, label="sum")
+        force.set_ylabel("vertical force [N]")
+        # A frame that meets an impact reads its peak; the axis is for what carries the robot.
+        force.set_ylim(0.0, 1.05 * min(total.max(), _IMPACT * np.median(total)))
+        rows = [
+            (f"{side}, {100.0 * stands[:, foot].mean():.0f} %", colour, stands[:, foot])
+            for foot, (side, colour) in enumerate(SIDES)
+        ]
+        rows.append((f"both, {100.0 * both.mean():.0f} %", GREY, both))
+        for row, (_, colour, down) in enumerate(rows):
+            contact.fill_between(history.time, 0.38 - row, -0.38 - row, where=down.tolist(),
+                                 step="post", color=colour, linewidth=0.0)  # fmt: skip
+        contact.set_yticks([0, -1, -2], [name for name, _, _ in rows])
+        contact.set_ylabel("on the ground")
+        contact.grid(visible=False)
+        contact.set_xlabel("time [s]")
+        contact.set_xlim(0.0, history.time[-1])
+        figure.legend(loc="outside upper center", ncols=3)
+        save_figure(figure, path)
+
+
+def torques(history: History, path: Path, limits: FloatArray) -> None:
+    """Torque of every servo against its stall torque.
+
+    Args:
+        history: A walk.
+        path: The file to write.
+        limits: Stall torques [N·m], shape (10,), ordered as gait.JOINTS.
+    """
+    pairs = len(JOINTS) // 2
+    with rc_context(STYLE):
+        figure = new_figure(COLUMN, 5.6)
+        panels = figure.subplots(pairs, 1, sharex=True, sharey=True)
+        for joint, (axes, name) in enumerate(zip(panels, JOINTS[:pairs], strict=True)):
+            for foot, (_, colour) in enumerate(SIDES):
+                column = joint + foot * pairs
+                axes.plot(history.time, history.torques[:, column], color=colour, linewidth=0.9)
+            for bound in (-limits[joint], limits[joint]):
+                axes.axhline(bound, color=INK, linestyle=":", linewidth=0.9)
+            peak = np.abs(history.torques[:, [joint, joint + pairs]]).max()
+            axes.set_title(f"{name.removesuffix('_r').replace('_', ' ')}: at most "
+                           f"{100.0 * peak / limits[joint]:.0f} % of the stall torque",
+                           loc="left")  # fmt: skip
+        figure.supylabel("torque [N·m]", fontsize=8.0)
+        panels[-1].set_xlabel("time [s]")
+        panels[-1].set_xlim(0.0, history.time[-1])
+        for side, colour in SIDES:
+            panels[0].plot([], [], color=colour, label=f"{side} leg")
+        panels[0].plot([], [], color=INK, linestyle=":", linewidth=0.9, label="stall torque")
+        figure.legend(loc="outside upper center", ncols=3)
+        save_figure(figure, path)
+
+
+def _between(time: FloatArray, begin: float, end: float) -> NDArray[np.bool_]:
+    """Which frames lie in begin <= t < end, shape (n,)."""
+    half = FRAME_TIME / 2.0
+    return (time > begin - half) & (time < end - half)

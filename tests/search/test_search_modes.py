@@ -1,0 +1,144 @@
+"""Laws of every way to search, on walks that are computed instead of simulated."""
+
+import dataclasses
+import functools
+
+import numpy as np
+import pytest
+from conftest import Ground, Interruption, numbers, planned, run, shorten_trainings, walk_at
+
+from drake_gait.problem.problem import assess
+from drake_gait.search.ranking import best_walk
+from drake_gait.study.search_settings import Mode
+from drake_gait.study.store import Study
+
+PLANS = {
+    "default": {"samples": 20, "simulations": 33, "batch": 5},
+    "paper": {"mode": Mode.PAPER, "samples": 20, "simulations": 26},
+    "isade": {"mode": Mode.ISADE, "samples": 1, "simulations": 75},
+    "cmaes": {"mode": Mode.CMAES, "samples": 1, "simulations": 41},
+    "replicas": {"samples": 24, "simulations": 42, "batch": 4, "replicas": 3},
+    "isade replicas": {"mode": Mode.ISADE, "samples": 2, "simulations": 130, "replicas": 2},
+}
+"""Every mode; budgets that end in the midst of a batch."""
+
+INTERRUPTED = {
+    "default": [1, 20, 27, 32],
+    "paper": [19, 23],
+    "isade": [0, 30, 44, 74],
+    "cmaes": [5, 12, 40],
+    "replicas": [10, 25, 31],  # In the midst of a candidate.
+    "isade replicas": [60, 99],
+}
+FIRST_BUDGETS = {
+    "default": [20, 23],
+    "paper": [22],
+    "isade": [20, 30, 61],
+    "cmaes": [12, 17],
+    "replicas": [27],
+    "isade replicas": [90],
+}
+
+
+def cases(table):
+    return [(name, value) for name, values in table.items() for value in values]
+
+
+@pytest.fixture(scope="module")
+def whole(study, tmp_path_factory):
+    """Settings and walks of a study of each plan that ran from start to end, by its name."""
+    folder = tmp_path_factory.mktemp("whole")
+
+    @functools.cache
+    def made(name):
+        settings = planned(study, **PLANS[name])
+        return settings, run(settings, folder / f"{name}.db")
+
+    with pytest.MonkeyPatch.context() as patch:
+        shorten_trainings(patch)
+        yield made
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_a_study_uses_its_budget_and_stores_each_walk_once(quick, study, path, name):
+    settings = planned(study, **PLANS[name])
+    ground = Ground(settings.space)
+    walks = run(settings, path, ground)
+    assert len(ground.asked) == settings.search.simulations
+    assert [walk.id for walk in walks] == list(range(settings.search.simulations))
+    assert len({walk.candidate for walk in walks}) == len(walks)
+    for walk in walks:
+        expected = walk_at(settings.space.encode(walk.candidate))
+        assert dataclasses.astuple(walk.walk) == dataclasses.astuple(expected)
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_walks_that_finish_in_another_order_make_the_same_study(quick, whole, path, name):
+    settings, expected = whole(name)
+    shuffled = Ground(settings.space, shuffle=1)
+    assert numbers(run(settings, path, shuffled)) == numbers(expected)
+
+
+@pytest.mark.parametrize(("name", "walks"), cases(INTERRUPTED))
+def test_a_study_that_was_interrupted_goes_on_walk_for_walk(quick, whole, path, name, walks):
+    settings, expected = whole(name)
+    with pytest.raises(Interruption):
+        run(settings, path, Ground(settings.space, shuffle=walks, stop_after=walks))
+    with Study.open(path) as kept:
+        assert len(kept.walks()) == walks
+    second = Ground(settings.space, shuffle=2)
+    assert numbers(run(settings, path, second)) == numbers(expected)
+    assert len(second.asked) == settings.search.simulations - walks
+
+
+@pytest.mark.parametrize(("name", "first"), cases(FIRST_BUDGETS))
+def test_a_study_with_a_grown_budget_is_the_one_that_had_it_from_the_start(
+    quick, whole, path, name, first
+):
+    settings, expected = whole(name)
+    run(planned(settings, **{**PLANS[name], "simulations": first}), path)
+    ground = Ground(settings.space)
+    grown = run(settings, path, ground)
+    assert len(ground.asked) == settings.search.simulations - first
+    # The last digits of a prediction depend on how many are made together.
+    assert [row[:-1] for row in numbers(grown)] == [row[:-1] for row in numbers(expected)]
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_another_seed_walks_other_candidates(quick, whole, path, name):
+    settings, one = whole(name)
+    other = run(dataclasses.replace(settings, seed=1), path)
+    assert not {walk.candidate for walk in one} & {walk.candidate for walk in other}
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_the_best_that_is_reported_is_a_stored_walk(quick, study, path, name):
+    settings = planned(study, **PLANS[name])
+    reports = []
+    walks = run(settings, path, report=reports.append)
+    best = reports[-1].best
+    assert numbers([best])[0][:6] == numbers([walks[best.id]])[0][:6]
+    expected = best_walk(walks, settings.constraints)
+    assert assess(expected.walk, settings.constraints).feasible
+    assert best.id == expected.id
+    assert best.nominal is None
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_what_is_proposed_stays_within_the_limits(quick, study, path, name):
+    # A box at the edge of Table I: walking improves towards and beyond the edge.
+    centre = np.array(study.space.centre)
+    centre[0] = np.radians([14.0, -14.0, 14.0, 14.0])
+    space = dataclasses.replace(study.space, centre=centre)
+
+    def outward(x):
+        forward = 0.1 + 0.02 * (x[0] - x[1] + x[2] + x[3])
+        return dataclasses.replace(walk_at(np.zeros(16)), forward=float(forward))
+
+    settings = planned(dataclasses.replace(study, space=space), **PLANS[name])
+    walks = run(settings, path, Ground(space, outward))
+    x = np.array([space.encode(walk.candidate) for walk in walks if walk.nominal is None])
+    assert (x >= space.limits[:, 0] - 1e-9).all()
+    assert (x <= space.limits[:, 1] + 1e-9).all()
+    # The law is tested at the edge only if some trial went there.
+    assert (np.abs(x[:, :4]) > 0.9 * np.abs(space.limits[:4]).min(axis=1)).any()

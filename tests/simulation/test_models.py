@@ -1,0 +1,278 @@
+"""The robot descriptions: what the datasheets, the CAD table and the paper say must be in them."""
+
+import importlib.util
+import itertools
+import re
+import sys
+from pathlib import Path
+from types import ModuleType
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from pydrake.multibody.parsing import PackageMap, Parser
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import RevoluteSpring
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_gait.errors import ModelError
+from drake_gait.foot import FOOT_WIDTH, TOE_GAP, FootDesign
+from drake_gait.gait import JOINTS
+from drake_gait.servo import Servo
+from drake_gait.simulation.plant import (
+    GROUND_FRICTION,
+    TOE_HINGES,
+    Robot,
+    add_robot,
+    build_robot,
+    model_path,
+    models_folder,
+    sole_corners,
+    with_friction,
+)
+
+ROOT = Path(__file__).parents[2]
+FILES = ("khr3hv.sdf", "khr3hv_cad.sdf")
+LINKS = ("hip", "thigh", "shin", "ankle", "foot", "big_toe", "lesser_toes")
+
+
+@pytest.fixture(scope="module")
+def maker() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("make_models", ROOT / "tools/make_models.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["make_models"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module", params=FILES)
+def plant(request: pytest.FixtureRequest) -> MultibodyPlant:
+    plant = MultibodyPlant(0.0)
+    parser = Parser(plant)
+    parser.SetStrictParsing()
+    parser.AddModels(str(model_path(request.param)))
+    plant.Finalize()
+    return plant
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return build_robot("khr3hv.sdf", FootDesign(), Servo())
+
+
+def corners(robot: Robot, link: str) -> np.ndarray:
+    """Corners of a link's collision boxes in the upright robot's frame, shape (3, n)."""
+    body = robot.plant.GetBodyByName(link)
+    X_WB = robot.plant.EvalBodyPoseInWorld(robot.plant.CreateDefaultContext(), body)
+    return np.array(X_WB @ sole_corners(robot, body))
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_the_committed_file_is_what_the_maker_writes(maker: ModuleType, name: str) -> None:
+    assert (models_folder() / name).read_text() == maker.MODEL_FILES[name]()
+
+
+def test_the_links_and_joints_have_the_names_of_the_documentation(plant: MultibodyPlant) -> None:
+    instance = plant.GetModelInstanceByName("khr3hv")
+    links = {plant.get_body(index).name() for index in plant.GetBodyIndices(instance)}
+    assert links == {"torso"} | {f"{link}_{side}" for link in LINKS for side in "rl"}
+    joints = {plant.get_joint(index).name() for index in plant.GetJointIndices(instance)}
+    assert joints - {"torso"} == {*JOINTS, *TOE_HINGES}
+
+
+def test_the_robot_weighs_what_the_maker_says(plant: MultibodyPlant) -> None:
+    assert plant.CalcTotalMass(plant.CreateDefaultContext()) == pytest.approx(1.5, abs=1e-9)
+
+
+def test_the_standing_centre_of_mass_is_where_the_papers_limit_means_upright() -> None:
+    heights = {}
+    for name in FILES:
+        robot = build_robot(name, FootDesign(), Servo())
+        context = robot.plant.CreateDefaultContext()
+        x, y, heights[name] = robot.plant.CalcCenterOfMassPositionInWorld(context)
+        assert y == pytest.approx(0.0, abs=1e-9)
+        assert -0.0539 < x < 0.0411  # over the heel parts
+    assert heights["khr3hv.sdf"] == pytest.approx(0.2450, abs=1e-4)
+    assert heights["khr3hv_cad.sdf"] == pytest.approx(0.2194, abs=1e-4)  # the CAD's own
+
+
+def test_every_inertia_is_physical(plant: MultibodyPlant) -> None:
+    for index in plant.GetBodyIndices(plant.GetModelInstanceByName("khr3hv")):
+        inertia = plant.get_body(index).CalcSpatialInertiaInBodyFrame(plant.CreateDefaultContext())
+        assert inertia.IsPhysicallyValid()
+
+
+def test_the_highest_point_is_the_height_of_the_robot(robot: Robot) -> None:
+    assert corners(robot, "torso")[2].max() == pytest.approx(0.40105, abs=1e-6)
+
+
+def test_the_foot_has_the_papers_sizes(robot: Robot) -> None:
+    for side, inward in (("r", 1.0), ("l", -1.0)):
+        heel = corners(robot, f"foot_{side}")
+        big, lesser = corners(robot, f"big_toe_{side}"), corners(robot, f"lesser_toes_{side}")
+        whole = np.hstack([heel, big, lesser])
+        assert np.ptp(heel[0]) == pytest.approx(0.095)
+        assert np.ptp(whole[0]) == pytest.approx(0.123)
+        assert np.ptp(whole[1]) == pytest.approx(FOOT_WIDTH)
+        assert np.ptp(big[1]) == pytest.approx(0.022)
+        assert np.ptp(lesser[1]) == pytest.approx(FOOT_WIDTH - 0.022 - TOE_GAP)
+        assert whole[2].min() == pytest.approx(0.0, abs=1e-9)
+        # The big toe is on the inner side.
+        assert (inward * (big[1].mean() - lesser[1].mean())) > 0.0
+
+
+def test_the_feet_stand_apart(robot: Robot) -> None:
+    assert corners(robot, "foot_l")[1].min() - corners(robot, "foot_r")[1].max() > 0.004
+
+
+def test_servos_have_the_datasheets_stall_torque_and_the_toes_have_none(
+    plant: MultibodyPlant,
+) -> None:
+    for name in JOINTS:
+        actuator = plant.GetJointActuatorByName(name)
+        assert actuator.effort_limit() == pytest.approx(1.373)
+        assert actuator.default_rotor_inertia() == pytest.approx(1e-3)
+    assert plant.num_actuators() == len(JOINTS)
+
+
+def test_the_toes_turn_up_to_thirty_degrees_on_the_papers_springs(robot: Robot) -> None:
+    expected = {"big_toe": 0.52, "lesser_toes": 0.26}  # N·mm/deg
+    for hinge, spring in zip(TOE_HINGES, robot.springs, strict=True):
+        joint = robot.plant.GetJointByName(hinge)
+        assert np.degrees(joint.position_lower_limits()) == pytest.approx([0.0])
+        assert np.degrees(joint.position_upper_limits()) == pytest.approx([30.0])
+        stiffness = expected[hinge.split("_hinge")[0]] * 1e-3 * 180.0 / np.pi
+        assert isinstance(spring, RevoluteSpring)
+        assert spring.joint().name() == hinge
+        assert spring.default_stiffness() == pytest.approx(stiffness)
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.9, 0.05, 2.25])
+@pytest.mark.parametrize(
+    ("links", "pair"), [(("foot",), (0.5, 0.417)), (("big_toe", "lesser_toes"), (0.17, 0.155))]
+)
+def test_sole_and_ground_combine_to_the_papers_friction_times_the_factor(
+    links: tuple[str, ...], pair: tuple[float, float], factor: float
+) -> None:
+    robot = build_robot("khr3hv.sdf", FootDesign(), Servo(), friction=factor)
+    inspector = robot.scene_graph.model_inspector()
+    for link, side in itertools.product(links, "rl"):
+        body = robot.plant.GetBodyByName(f"{link}_{side}")
+        for geometry in robot.plant.GetCollisionGeometriesForBody(body):
+            properties = inspector.GetProximityProperties(geometry)
+            friction = properties.GetProperty("material", "coulomb_friction")
+            for surface, wanted in zip(
+                (friction.static_friction(), friction.dynamic_friction()), pair, strict=True
+            ):
+                ground = GROUND_FRICTION
+                combined = 2.0 * surface * ground / (surface + ground)
+                assert combined == pytest.approx(factor * wanted, abs=3e-6)
+
+
+def test_a_friction_of_one_leaves_the_description_alone() -> None:
+    text = model_path().read_text()
+    assert with_friction(text, 1.0) is text
+    changed = with_friction(text, 0.9)
+    frictions = re.compile(r"(<drake:mu_\w+>)[^<]*")
+    assert len(frictions.findall(changed)) == len(frictions.findall(text)) > 0
+    # Nothing else is another: what stands between the tags of friction does not count.
+    same = [ElementTree.canonicalize(frictions.sub(r"\1", one)) for one in (text, changed)]
+    assert same[0] == same[1]
+
+
+def test_frictions_multiply() -> None:
+    text = model_path().read_text()
+    once, twice = with_friction(text, 0.6), with_friction(with_friction(text, 0.8), 0.75)
+    numbers = re.compile(r"<drake:mu_\w+>([^<]*)")
+    found = [[float(value) for value in numbers.findall(one)] for one in (once, twice)]
+    assert found[0] == pytest.approx(found[1])
+
+
+@pytest.mark.parametrize(
+    ("value", "factor", "complaint"),
+    [
+        ("", 0.9, "<drake:mu_static> must be a number, got ''"),
+        ("slippery", 0.9, "<drake:mu_static> must be a number, got 'slippery'"),
+        ("1.0", 2.0, "no surface has 2 times the friction of <drake:mu_static> 1 on the ground"),
+    ],
+)
+def test_a_friction_that_cannot_be_multiplied_is_refused_in_one_line(
+    tmp_path: Path, value: str, factor: float, complaint: str
+) -> None:
+    text = model_path().read_text()
+    pattern = r"(<drake:mu_static>)[^<]*"
+    model = tmp_path / "robot.sdf"
+    model.write_text(re.sub(pattern, rf"\g<1>{value}", text))
+    with pytest.raises(ModelError) as refusal:
+        build_robot(model, FootDesign(), Servo(), friction=factor)
+    assert str(refusal.value).startswith(f"{model}: {complaint}")
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("joint", "probe", "axis", "sign"),
+    [
+        ("hip_pitch", "foot", 0, +1),  # hip flexion brings the foot forward
+        ("knee", "foot", 0, -1),  # knee flexion brings it back
+        ("ankle_pitch", "big_toe", 2, +1),  # dorsiflexion lifts the toes
+        ("big_toe_hinge", "big_toe", 2, +1),  # extension lifts the toe
+        ("lesser_toes_hinge", "lesser_toes", 2, +1),
+        ("hip_roll", "foot", 1, +1),  # the legs lean over the right foot:
+        ("ankle_roll", "foot", 2, 0),  # feet to the left of the torso, and level
+    ],
+)
+def test_positive_angles_bend_the_robot_as_documented(
+    robot: Robot, joint: str, probe: str, axis: int, sign: int
+) -> None:
+    plant = robot.plant
+    for side in "rl":
+        context = plant.CreateDefaultContext()
+        body = plant.GetBodyByName(f"{probe}_{side}")
+        com = body.default_com()
+
+        def place(body=body, context=context, com=com) -> np.ndarray:  # type: ignore[no-untyped-def]
+            return plant.EvalBodyPoseInWorld(context, body) @ com
+
+        before = place()
+        plant.GetJointByName(f"{joint}_{side}").set_angle(context, 0.2)
+        moved = (place() - before)[axis]
+        if sign:
+            assert np.sign(moved) == sign
+            assert abs(moved) > 1e-3
+        else:
+            assert abs(moved) < 0.01
+
+
+def test_hip_plus_ankle_equal_to_knee_keeps_the_foot_flat(robot: Robot) -> None:
+    plant = robot.plant
+    context = plant.CreateDefaultContext()
+    for joint, degrees in (("hip_pitch", 15.0), ("knee", 30.0), ("ankle_pitch", 15.0)):
+        plant.GetJointByName(f"{joint}_l").set_angle(context, np.radians(degrees))
+    foot = plant.EvalBodyPoseInWorld(context, plant.GetBodyByName("foot_l"))
+    assert foot.rotation().matrix() == pytest.approx(np.eye(3), abs=1e-12)
+
+
+def test_equal_roll_angles_keep_torso_and_soles_level(robot: Robot) -> None:
+    plant = robot.plant
+    context = plant.CreateDefaultContext()
+    for joint, side in itertools.product(("hip_roll", "ankle_roll"), "rl"):
+        plant.GetJointByName(f"{joint}_{side}").set_angle(context, 0.1)
+    torso = plant.EvalBodyPoseInWorld(context, plant.GetBodyByName("torso"))
+    for side in "rl":
+        foot = plant.EvalBodyPoseInWorld(context, plant.GetBodyByName(f"foot_{side}"))
+        assert foot.rotation().matrix() == pytest.approx(torso.rotation().matrix(), abs=1e-12)
+
+
+def test_the_package_resolves_for_any_drake_program() -> None:
+    packages = PackageMap()
+    packages.AddPackageXml(models_folder() / "package.xml")
+    assert Path(packages.ResolveUrl("package://drake_gait/khr3hv.sdf")).is_file()
+
+
+def test_the_robot_collides_with_the_ground_everywhere_it_could_lie_on() -> None:
+    builder = DiagramBuilder()
+    plant, _ = add_robot(builder, "khr3hv.sdf", FootDesign(), Servo())
+    for link in ("torso", "hip_l", "thigh_l", "shin_l", "foot_l", "thigh_r", "foot_r"):
+        assert plant.GetCollisionGeometriesForBody(plant.GetBodyByName(link)), link

@@ -1,0 +1,51 @@
+"""The studies of studies/ are what their files say, and their winners walk as they are said to."""
+
+import json
+
+import pytest
+
+from drake_gait.provenance import file_sha256
+from drake_gait.search.confirmation import finalists, walked_as, winner
+from drake_gait.simulation.plant import model_path
+from drake_gait.simulation.simulate import simulate
+from drake_gait.study.settings import read_study
+from drake_gait.study.store import Study
+from drake_gait.walk import Integrator, WalkSettings
+
+
+@pytest.fixture(params=["best", "reference"])
+def committed(request, repository, tmp_path):
+    """Settings, a copy of the study's file (opening one writes beside it) and its result."""
+    folder = repository / "studies" / request.param
+    (tmp_path / "study.db").write_bytes((folder / "study.db").read_bytes())
+    result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
+    with Study.open(tmp_path) as study:
+        yield read_study(repository / "studies" / f"{request.param}.toml"), study, result
+
+
+def test_a_committed_study_is_that_of_its_file_and_of_the_shipped_robot(committed):
+    settings, study, _ = committed
+    known = study.description()
+    assert known["settings"] == settings.description()
+    assert known["model_sha256"] == file_sha256(model_path())
+
+
+def test_its_winner_walks_again_as_it_did(committed):
+    settings, study, result = committed
+    found = winner(settings, study.walks())
+    assert found is not None
+    assert found.walk.id == result["winner"]
+    assert 1e3 * found.median == pytest.approx(result["finalists"][0]["median_mm"])
+    again = simulate(found.walk.candidate, walked_as(settings, found.walk))
+    assert again.forward == pytest.approx(found.walk.walk.forward, abs=1e-9)
+    assert again.lateral == pytest.approx(found.walk.walk.lateral, abs=1e-9)
+
+
+@pytest.mark.parametrize("committed", ["reference"], indirect=True)
+def test_the_refined_walk_that_bears_all_noise_is_feasible_at_other_steps_too(committed):
+    settings, study, _ = committed
+    (steady,) = (one for one in finalists(settings, study.walks()) if one.feasible == 8)
+    for integrator in (Integrator(step=0.001), Integrator(step=0.02, accuracy=1e-5)):
+        walk = simulate(steady.walk.candidate, WalkSettings(integrator=integrator))
+        assert settings.assess(walk).feasible
+        assert walk.forward == pytest.approx(steady.walk.walk.forward, abs=5e-3)
