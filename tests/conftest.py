@@ -12,7 +12,7 @@ from drake_gait.execution.local import Finished
 from drake_gait.foot import FootDesign
 from drake_gait.gait import Gait
 from drake_gait.problem.problem import Candidate, DesignSpace
-from drake_gait.search import proposal
+from drake_gait.search import proposer as proposer_module
 from drake_gait.search.loop import search
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.search_settings import ConfirmationSettings, SearchSettings
@@ -246,7 +246,7 @@ def shorten_trainings(monkeypatch):
     """Smaller networks and shorter runs of ISADE: the laws of a search hold for any."""
     monkeypatch.setattr(surrogate, "_EPOCHS", 20)
     monkeypatch.setattr(surrogate, "_PAPER_EPOCHS", 20)
-    monkeypatch.setattr(proposal, "ISADE_ITERATIONS", 8)
+    monkeypatch.setattr(proposer_module, "ISADE_ITERATIONS", 8)
 
 
 @pytest.fixture

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drake_gait.search.acquisition import Acquisition
-from drake_gait.search.proposal import training_data
+from drake_gait.search.proposer import training_data
 from drake_gait.study.records import CONFIRMATIONS
 from drake_gait.study.settings import study_settings
 from drake_gait.study.store import Study

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from sklearn.ensemble import RandomForestRegressor
 from sklearn.preprocessing import PolynomialFeatures
 
-from drake_gait.search.proposal import training_data
+from drake_gait.search.proposer import training_data
 from drake_gait.study.records import CONFIRMATIONS
 from drake_gait.study.settings import default_study, read_study
 from drake_gait.study.store import Study

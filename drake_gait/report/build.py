@@ -13,7 +13,7 @@ from drake_gait.gait import FloatArray
 from drake_gait.report.page import FIGURES, PORTRAIT, Run, write_study_page
 from drake_gait.report.result import in_words, summary
 from drake_gait.search.confirmation import STAGE, measured, winner
-from drake_gait.search.proposal import training_data
+from drake_gait.search.proposer import training_data
 from drake_gait.search.ranking import best_walk
 from drake_gait.simulation.plant import stall_torques
 from drake_gait.simulation.simulate import simulate

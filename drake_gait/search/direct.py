@@ -1,28 +1,19 @@
-"""Other ways to search, to compare with: the paper's, and what one would pick instead."""
+"""Optimisers on the simulator itself, without a surrogate: ISADE and CMA-ES."""
 
 from collections.abc import Sequence
 
 import numpy as np
 from cmaes import CMA
 
-from drake_gait.gait import FRAMES, FloatArray
+from drake_gait.gait import FloatArray
 from drake_gait.optimizers import isade
-from drake_gait.problem.problem import PENALTY
-from drake_gait.search import proposal
-from drake_gait.search.proposal import (
-    DESIGN,
-    NETWORK,
-    PROPOSAL,
+from drake_gait.search.proposer import (
     Proposal,
-    all_walks,
-    design_of_experiments,
     latin_hypercube,
-    seed_of,
-    training_data,
 )
 from drake_gait.search.ranking import Sample
+from drake_gait.search.seeding import Purpose, seed_of
 from drake_gait.study.settings import StudySettings
-from drake_gait.surrogates import ensemble as surrogate
 from drake_gait.surrogates.ensemble import Network
 
 _POPULATION = 30
@@ -32,64 +23,6 @@ _GENERATIONS = 13
 budget would change walks that there are."""
 _STEP = 0.5
 """First step size of CMA-ES in units of the box."""
-
-
-class PaperProcedure:
-    """The paper's section IV.C to the letter, for comparison.
-
-    One network of all samples, falls and all; its optimum under the penalty function is simulated
-    and added.
-    """
-
-    learns_ahead = False
-    batch = 1
-
-    def __init__(self, settings: StudySettings) -> None:
-        self._settings = settings
-        self.samples = settings.search.samples
-        self._names = (*settings.outputs, "steps")
-
-    def learn(self, iteration: int, known: Sequence[Sample]) -> Network | None:
-        """One network of all walks."""
-        if iteration == 0:
-            return None
-        settings, walks = self._settings, all_walks(known)
-        x, outputs, _ = training_data(walks, settings.space, settings.outputs)
-        frames = [[float(walk.walk.steps)] for walk in walks]
-        targets = np.nan_to_num(np.column_stack([outputs, frames]))
-        return surrogate.fit_single(x, targets, seed=seed_of(settings.seed, NETWORK, iteration))
-
-    def propose(
-        self, iteration: int, known: Sequence[Sample], network: Network | None, count: int
-    ) -> Proposal:
-        """The design of experiments, then the optimum of the network."""
-        settings = self._settings
-        if network is None:
-            return Proposal(x=design_of_experiments(settings), stage="design")
-
-        def fitness(points: FloatArray) -> FloatArray:
-            """F(x) of what the network expects [mm], Eqs. 16-17."""
-            return self._fitness(network.predict(points).mean)
-
-        found = isade.minimize(
-            fitness,
-            settings.space.box,
-            vectorized=True,
-            seed=seed_of(settings.seed, PROPOSAL, iteration),
-            max_evaluations=10**9,
-            max_iterations=proposal.ISADE_ITERATIONS,
-            stagnation=proposal.ISADE_STAGNATION,
-        )
-        return Proposal(x=found.x[None, :], stage="infill", network=network)
-
-    def _fitness(self, expected: FloatArray) -> FloatArray:
-        column = self._names.index
-        violation = np.maximum((FRAMES - expected[:, column("steps")]) / FRAMES, 0.0)
-        for limit in self._settings.constraints.limits:
-            violation += np.maximum(limit.excess(expected[:, column(limit.quantity)]), 0.0)
-        gain = expected[:, column(self._settings.search.objective.quantity)]
-        fitness: FloatArray = -1e3 * gain + PENALTY * violation
-        return fitness
 
 
 class DirectIsade:
@@ -115,9 +48,9 @@ class DirectIsade:
             self._optimiser = isade.Isade(
                 settings.space.limits,
                 population_size=_POPULATION,
-                seed=seed_of(settings.seed, PROPOSAL),
+                seed=seed_of(settings.seed, Purpose.PROPOSAL),
                 max_generations=_GENERATIONS,
-                initial=latin_hypercube(settings, _POPULATION, DESIGN),
+                initial=latin_hypercube(settings, _POPULATION),
             )
         while self._optimiser.generation < iteration:  # Also what a study did before it went on.
             start = self._optimiser.generation * _POPULATION
@@ -142,7 +75,7 @@ class DirectCmaes:
             mean=np.clip(np.zeros(len(limits)), limits[:, 0], limits[:, 1]),
             sigma=_STEP,
             bounds=limits,
-            seed=seed_of(settings.seed, PROPOSAL) % 2**31,
+            seed=seed_of(settings.seed, Purpose.PROPOSAL) % 2**31,
         )
         self.samples = self.batch = self._optimiser.population_size
         self._asked: list[FloatArray] = []

@@ -12,8 +12,8 @@ from functools import partial
 
 from drake_gait.problem.problem import Trial
 from drake_gait.search.confirmation import confirm
-from drake_gait.search.proposal import Proposal
-from drake_gait.search.proposers import proposer
+from drake_gait.search.modes import proposer
+from drake_gait.search.proposer import Proposal
 from drake_gait.search.ranking import Sample, sample
 from drake_gait.search.runner import Evaluate, Planned, Progress, Runner, perturbed
 from drake_gait.study.settings import StudySettings

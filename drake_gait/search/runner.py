@@ -8,6 +8,7 @@ import numpy as np
 
 from drake_gait.execution.local import Finished
 from drake_gait.problem.problem import Trial
+from drake_gait.search.seeding import Purpose, generator
 from drake_gait.study.records import CONFIRMATIONS, StudyWalk
 from drake_gait.study.settings import StudySettings
 from drake_gait.study.store import Study
@@ -16,8 +17,6 @@ from drake_gait.walk import WalkSettings
 
 Evaluate = Callable[[Sequence[Trial]], Iterable[Finished]]
 """Starts to simulate trials, and yields them as they finish, in any order."""
-
-_NOISE = 4  # Address of random numbers; the proposers have others.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,7 +150,7 @@ def perturbed(trial: Trial, settings: StudySettings, nominal: int, variation: in
         variation: Which variation, from 1; odd ones are more slippery, even ones less.
     """
     plan = settings.confirmation
-    rng = np.random.default_rng([settings.seed, _NOISE, nominal, variation])
+    rng = generator(settings.seed, Purpose.NOISE, nominal, variation)
     gait = trial.candidate.gait
     noisy = gait.coefficients + plan.noise * rng.standard_normal(gait.coefficients.shape)
     return Trial(

@@ -8,20 +8,17 @@ from cmaes import CMA
 
 from drake_gait.gait import FloatArray
 from drake_gait.optimizers import isade
-from drake_gait.search import proposal
+from drake_gait.search import proposer
 from drake_gait.search.acquisition import Acquisition
-from drake_gait.search.proposal import (
-    DESIGN,
-    NETWORK,
-    PROPOSAL,
+from drake_gait.search.proposer import (
     Proposal,
     all_walks,
     design_of_experiments,
     latin_hypercube,
-    seed_of,
     training_data,
 )
 from drake_gait.search.ranking import Sample
+from drake_gait.search.seeding import Purpose, seed_of
 from drake_gait.study.settings import StudySettings
 from drake_gait.surrogates import ensemble as surrogate
 from drake_gait.surrogates.ensemble import FEWEST_SURVIVORS, Network, Surrogate
@@ -60,7 +57,7 @@ class TrustRegion:
             return None
         return surrogate.fit(
             *training_data(walks, settings.space, settings.outputs),
-            seed=seed_of(settings.seed, NETWORK, iteration),
+            seed=seed_of(settings.seed, Purpose.NETWORK, iteration),
         )
 
     def propose(
@@ -71,7 +68,7 @@ class TrustRegion:
         if iteration == 0:
             return Proposal(x=design_of_experiments(settings), stage="design")
         if not isinstance(network, Surrogate):
-            x = latin_hypercube(settings, self.batch, DESIGN, iteration)
+            x = latin_hypercube(settings, self.batch, iteration)
             return Proposal(x=x[:count], stage="design")
         while self._told < iteration:  # Also what a study did before it went on.
             self._told += 1
@@ -113,7 +110,7 @@ class TrustRegion:
             mean=np.clip(mean, limits[:, 0], limits[:, 1]),
             sigma=step,
             bounds=limits,
-            seed=seed_of(self._settings.seed, PROPOSAL, iteration) % 2**31,
+            seed=seed_of(self._settings.seed, Purpose.PROPOSAL, iteration) % 2**31,
             population_size=self.batch,
         )
 
@@ -154,10 +151,10 @@ class TrustRegion:
                     acquisition,
                     around,
                     vectorized=True,
-                    seed=seed_of(settings.seed, PROPOSAL, iteration, index),
+                    seed=seed_of(settings.seed, Purpose.PROPOSAL, iteration, index),
                     max_evaluations=10**9,
-                    max_iterations=proposal.ISADE_ITERATIONS,
-                    stagnation=proposal.ISADE_STAGNATION,
+                    max_iterations=proposer.ISADE_ITERATIONS,
+                    stagnation=proposer.ISADE_STAGNATION,
                 )
                 trials.append(found.x)
             else:

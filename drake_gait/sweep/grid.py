@@ -19,6 +19,7 @@ from drake_gait.execution.local import LocalProcesses
 from drake_gait.gait import FloatArray, Gait
 from drake_gait.optimization import STARTING_TIME
 from drake_gait.problem.problem import Candidate, Trial
+from drake_gait.search.seeding import Purpose, generator
 from drake_gait.simulation.simulate import walk_trial
 from drake_gait.sweep.anova import Effect, two_way
 from drake_gait.sweep.settings import Grid
@@ -29,7 +30,6 @@ Place = tuple[int, int, int, int]
 """Level of the first and of the second axis, gait, replica; each from 0."""
 
 _PLACE = ("first", "second", "gait", "replica")
-_NOISE = 11  # Address of random numbers.
 _COLUMNS = (*_PLACE, "outcome", "steps", "forward_mm", "lateral_mm", "yaw_deg")
 
 
@@ -47,7 +47,7 @@ def places(grid: Grid) -> list[Place]:
 def candidate(grid: Grid, place: Place) -> Candidate:
     """The foot and the noisy gait of one walk."""
     first, second, gait, _ = place
-    rng = np.random.default_rng([grid.settings.seed, _NOISE, *place])
+    rng = generator(grid.settings.seed, Purpose.GRID_NOISE, *place)
     noise = np.radians(grid.noise_deg) * rng.uniform(-1.0, 1.0, (4, 4))
     return Candidate(
         gait=Gait(coefficients=grid.gaits[gait].coefficients + noise),

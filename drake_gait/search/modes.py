@@ -1,13 +1,10 @@
-"""What proposes the next candidates of a search: networks, or an optimiser on the simulator itself.
-
-Every random number has an address (seed, purpose, index), and a proposer keeps nothing that it
-could not find again from the samples before: a search that goes on proposes the same.
-"""
+"""The proposer of each mode that a study can ask for."""
 
 from collections.abc import Callable
 
-from drake_gait.search.direct import DirectCmaes, DirectIsade, PaperProcedure
-from drake_gait.search.proposal import Proposer
+from drake_gait.search.direct import DirectCmaes, DirectIsade
+from drake_gait.search.paper import PaperProcedure
+from drake_gait.search.proposer import Proposer
 from drake_gait.search.trust_region import TrustRegion
 from drake_gait.study.search_settings import Mode
 from drake_gait.study.settings import StudySettings

@@ -1,4 +1,4 @@
-"""What every way to search has: proposals, samples, and the addresses of its random numbers."""
+"""Proposers, proposals, and the data that surrogates learn from."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,11 +11,10 @@ from scipy.stats import qmc
 from drake_gait.gait import FloatArray
 from drake_gait.problem.problem import DesignSpace, quantity
 from drake_gait.search.ranking import Sample
+from drake_gait.search.seeding import Purpose, generator
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
 from drake_gait.surrogates.ensemble import Network
-
-DESIGN, PROPOSAL, NETWORK = 1, 2, 3  # Addresses of random numbers.
 
 ISADE_ITERATIONS, ISADE_STAGNATION = 1000, 50
 """When ISADE stops on a network (paper, IV.B)."""
@@ -68,12 +67,12 @@ class Proposer(Protocol):
 
 def design_of_experiments(settings: StudySettings) -> FloatArray:
     """A Latin hypercube in the box: design vectors, shape (samples, d)."""
-    return latin_hypercube(settings, settings.search.samples, DESIGN)
+    return latin_hypercube(settings, settings.search.samples)
 
 
-def latin_hypercube(settings: StudySettings, count: int, *address: int) -> FloatArray:
-    """So many points of the box, shape (count, d); the address fixes their random numbers."""
-    rng = np.random.default_rng([settings.seed, *address])
+def latin_hypercube(settings: StudySettings, count: int, *index: int) -> FloatArray:
+    """Return points of the box, shape (count, d); the index fixes their random numbers."""
+    rng = generator(settings.seed, Purpose.DESIGN, *index)
     unit = qmc.LatinHypercube(settings.space.dimension, rng=rng).random(count)
     lower, upper = settings.space.box.T
     samples: FloatArray = lower + (upper - lower) * unit
@@ -94,8 +93,3 @@ def training_data(
 def all_walks(samples: Sequence[Sample]) -> list[StudyWalk]:
     """The walks of all samples, replicas too."""
     return [walk for sample in samples for walk in sample.walks]
-
-
-def seed_of(*address: int) -> int:
-    """One seed for a library that takes no address."""
-    return int(np.random.SeedSequence(address).generate_state(1)[0])
