@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from drake_gait.study.store import Study
     from drake_gait.walk import Fidelity, Outcome, Walk, WalkSettings
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _HOMES = {
     "foot": ("FootDesign",),

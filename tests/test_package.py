@@ -1,11 +1,14 @@
 """What travels in the wheel."""
 
+import re
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
 
 import pytest
+
+import drake_gait
 
 ROOT = Path(__file__).parents[1]
 
@@ -37,3 +40,9 @@ def test_the_wheel_walks_away_from_the_checkout(tmp_path: Path) -> None:
         cwd=site,
         env={"PYTHONPATH": str(site), "PATH": ""},
     )
+
+
+def test_the_citation_is_of_this_version() -> None:
+    cited = re.search(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)
+    assert cited
+    assert cited[1] == drake_gait.__version__
