@@ -93,7 +93,7 @@ def _with_literal_blocks(lines: list[str]) -> Iterator[str]:
 
 def _linked_from_the_site(app: Sphinx, name: str, content: list[str]) -> None:
     """Let links to Markdown outside of docs/, which a git host shows, lead to the file."""
-    content[0] = re.sub(r"\]\((\.\./)+(?=[A-Z]+\.md\))", r"](path:../", content[0])
+    content[0] = re.sub(r"\]\((?=(\.\./)+[A-Z]+\.md\))", "](path:", content[0])
 
 
 def _short_signature(

@@ -106,18 +106,72 @@ def test_a_link_leads_somewhere(page):
             assert anchor in slugs, target
 
 
-@pytest.mark.parametrize("first", ["README.md", "docs/index.md"])
-def test_a_table_of_pages_leads_to_every_page_there_is(first):
-    file = ROOT / first
-    rows = re.findall(r"^\|.*\|$", file.read_text(encoding="utf-8"), re.MULTILINE)
-    listed = {
-        (file.parent / target.partition("#")[0]).resolve()
-        for row in rows
-        for target in LINK.findall(row)
-    }
-    pages = {page for page in PAGES if "docs" in page.parts and "api" not in page.parts}
-    assert pages - listed - {ROOT / "docs" / "index.md"} == set()
-    assert ROOT / "docs" / "api" / "index.md" in listed
+def linked(file):
+    """The files that a page leads to."""
+    targets = LINK.findall(file.read_text(encoding="utf-8"))
+    return {(file.parent / target.partition("#")[0]).resolve() for target in targets}
+
+
+SHELVES = [path.parent for path in sorted((ROOT / "docs").rglob("index.md"))]
+
+
+@pytest.mark.parametrize("shelf", SHELVES, ids=name)
+def test_the_index_of_a_shelf_leads_to_every_page_on_it(shelf):
+    pages = {page for page in shelf.glob("*.md") if page.name != "index.md"}
+    below = set(shelf.glob("*/index.md"))
+    assert (pages | below) - linked(shelf / "index.md") == set()
+
+
+def test_every_page_stands_on_a_shelf():
+    # The tutorial is one page, which the first page leads to itself.
+    shelves = {*SHELVES, ROOT / "docs" / "tutorial"}
+    assert {page.parent for page in PAGES if "docs" in page.parts} == shelves
+    assert set((ROOT / "docs" / "tutorial").glob("*.md")) <= linked(ROOT / "docs" / "index.md")
+
+
+def test_readme_and_first_page_lead_to_every_shelf():
+    shelves = {shelf / "index.md" for shelf in SHELVES if shelf.parent == ROOT / "docs"}
+    assert len(shelves) == 4
+    for first in ("README.md", "docs/index.md"):
+        assert shelves - linked(ROOT / first) == set(), first
+
+
+def test_readme_is_read_in_a_few_minutes():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(text.split()) <= 700
+    results = text.partition("\n## Results\n")[2].partition("\n## ")[0]
+    rows = re.findall(r"^\|.*\|$", results, re.MULTILINE)[2:]
+    assert 0 < len(rows) <= 6
+
+
+@pytest.mark.parametrize(
+    "statement", re.findall(r"`(from drake_gait[^`]*)`", (ROOT / "README.md").read_text())
+)
+def test_a_method_of_the_readme_is_imported_as_it_says(statement):
+    exec(statement)
+
+
+EXPERIMENTS = sorted((ROOT / "docs" / "experiments").glob("[!i]*.md"))
+
+
+@pytest.mark.parametrize("page", EXPERIMENTS, ids=name)
+def test_an_experiment_has_a_date_a_question_a_command_a_result_and_a_verdict(page):
+    assert re.match(r"20\d\d-[01]\d-[0-3]\d-[a-z]", page.name)
+    text = page.read_text(encoding="utf-8")
+    sections = re.findall(r"^## (.*)\n\n+(?!#)", text, re.MULTILINE)
+    assert sections == ["Question", "Command", "Result", "Verdict"]
+    command = text.partition("\n## Command\n")[2].partition("\n## ")[0]
+    assert re.search(r"^    (python|pytest|make) ", command, re.MULTILINE)
+
+
+HOW_TOS = sorted((ROOT / "docs" / "howto").glob("*.md"))
+
+
+@pytest.mark.parametrize("page", HOW_TOS, ids=name)
+def test_the_code_of_a_how_to_is_short(page):
+    text = page.read_text(encoding="utf-8")
+    fenced = [line for block in SNIPPET.findall(text) for line in block.splitlines()]
+    assert len(fenced) + len(re.findall(r"^    \S", text, re.MULTILINE)) <= 40
 
 
 @pytest.mark.parametrize("words", COMMANDS.values(), ids=COMMANDS)
@@ -160,7 +214,7 @@ def test_make_has_the_targets_that_are_named(page):
 
 
 def test_the_api_lists_what_the_package_exports():
-    listed = re.findall(r"`(\w+) <drake_gait\.", (ROOT / "docs/api/index.md").read_text())
+    listed = re.findall(r"`(\w+) <drake_gait\.", (ROOT / "docs/reference/api/index.md").read_text())
     assert sorted(listed) == sorted(drake_gait.__all__)
 
 
