@@ -106,6 +106,16 @@ def test_a_link_leads_somewhere(page):
             assert anchor in slugs, target
 
 
+NAMED = re.compile(r"[` ]((?:drake_gait|tests|tools)/[\w/]+\.\w+)")
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page.name != "CHANGELOG.md"], ids=name)
+def test_a_file_of_ours_that_a_page_names_is_there(page):
+    # The changelog may name files as they were.
+    for path in NAMED.findall(page.read_text(encoding="utf-8")):
+        assert (ROOT / path).exists(), path
+
+
 def linked(file):
     """The files that a page leads to."""
     targets = LINK.findall(file.read_text(encoding="utf-8"))
