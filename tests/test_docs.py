@@ -228,6 +228,16 @@ def test_the_api_lists_what_the_package_exports():
     assert sorted(listed) == sorted(drake_gait.__all__)
 
 
+def test_the_api_names_its_modules_as_python_does():
+    folder = ROOT / "docs" / "reference" / "api"
+    index = (folder / "index.md").read_text(encoding="utf-8")
+    for file, names in re.findall(r"^\| \[.*?\]\((\w+\.md)\) \| (.*) \|$", index, re.MULTILINE):
+        text = (folder / file).read_text(encoding="utf-8")
+        headings = re.findall(r"^## (.*)", text, re.MULTILINE)
+        modules = re.findall(r"^\.\. automodule:: drake_gait\.(.*)", text, re.MULTILINE)
+        assert re.findall(r"`(.*?)`", names) == headings == modules, file
+
+
 @pytest.mark.slow
 def test_the_tutorial_runs_to_its_end(tmp_path, monkeypatch, capfd):
     script = ROOT / "studies" / "tutorial.py"
