@@ -231,7 +231,9 @@ def test_the_api_lists_what_the_package_exports():
 def test_the_api_names_its_modules_as_python_does():
     folder = ROOT / "docs" / "reference" / "api"
     index = (folder / "index.md").read_text(encoding="utf-8")
-    for file, names in re.findall(r"^\| \[.*?\]\((\w+\.md)\) \| (.*) \|$", index, re.MULTILINE):
+    rows = re.findall(r"^\| \[.*?\]\((\w+\.md)\) \| (.*) \|$", index, re.MULTILINE)
+    assert len(rows) == len(list(folder.glob("*.md"))) - 1
+    for file, names in rows:
         text = (folder / file).read_text(encoding="utf-8")
         headings = re.findall(r"^## (.*)", text, re.MULTILINE)
         modules = re.findall(r"^\.\. automodule:: drake_gait\.(.*)", text, re.MULTILINE)
