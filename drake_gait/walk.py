@@ -58,7 +58,8 @@ INTEGRATORS = {
     Fidelity.SEARCH: Integrator(step=0.004),
     Fidelity.REFERENCE: Integrator(step=FRAME_TIME, accuracy=1e-4),
 }
-"""The integrator of each fidelity, chosen by measurement (docs/walk.md)."""
+"""The integrator of each fidelity, chosen by measurement
+(docs/experiments/2026-11-22-integrators.md)."""
 
 
 @dataclass(frozen=True, kw_only=True)

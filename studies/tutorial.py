@@ -1,6 +1,7 @@
 """From a first gait to a co-designed foot: `python studies/tutorial.py`, about ten minutes.
 
-Cells begin with `# %%`: an editor or Jupyter can run them one by one. docs/tutorial.md says what is
+Cells begin with `# %%`: an editor or Jupyter can run them one by one.
+docs/tutorial/gait_to_foot.md says what is
 to be seen. `--samples 28 --simulations 30` makes it a matter of a minute, and teaches nothing.
 """
 
@@ -17,7 +18,7 @@ from drake_gait.foot import N_MM_PER_DEG
 from drake_gait.problem.problem import OUTPUTS, Constraints
 from drake_gait.report.result import in_words
 from drake_gait.search.confirmation import winner
-from drake_gait.search.proposal import training_data
+from drake_gait.search.proposer import training_data
 from drake_gait.search.ranking import best_walk, feasible_walks
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import default_study, study_settings

@@ -12,7 +12,7 @@ Five tables, from one Latin hypercube of a study's box:
 
 With --runs, walks that studies found instead of the hypercube's.
 
-docs/walk.md holds the tables that this printed.
+docs/experiments/ holds the tables that this printed.
 """
 
 import argparse

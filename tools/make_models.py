@@ -42,7 +42,7 @@ HEEL_PAIR_FRICTION = (0.5, 0.417)
 TOE_PAIR_FRICTION = (0.17, 0.155)
 
 BODY_FRICTION = (0.3, 0.3)
-HYDROELASTIC_MODULUS = 1.0e6  # Pa; softer soles rock, harder ones blur the forces (docs/robot.md)
+HYDROELASTIC_MODULUS = 1.0e6  # Pa; softer rock, harder blur forces (docs/explanation/robot.md)
 HUNT_CROSSLEY_DISSIPATION = 5.0  # s/m
 
 PAPER_BIG_TOE_STIFFNESS = 0.52e-3 * 180.0 / math.pi  # N·m/rad; 0.52 N·mm/deg

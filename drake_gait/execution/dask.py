@@ -154,7 +154,7 @@ class DaskCluster(RemoteWorkers):
         except DaskTimeoutError:
             raise WorkerError(
                 f"Dask scheduler {self._address} has had no worker for {_PATIENCE:g} s; start some "
-                "with `dask worker`, and see docs/cluster.md"
+                "with `dask worker`, and see docs/howto/run_on_a_cluster.md"
             ) from None
 
     def _check_workers(self) -> None:
@@ -209,7 +209,7 @@ def _connected(address: str, count: int) -> "tuple[Client, LocalCluster | None]"
         reason = str(error).splitlines()[0] if str(error) else "no answer"
         raise WorkerError(
             f"no Dask scheduler answers at {address} ({reason}); start one with `dask scheduler`, "
-            "and see docs/cluster.md"
+            "and see docs/howto/run_on_a_cluster.md"
         ) from None
 
 

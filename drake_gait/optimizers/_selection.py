@@ -3,7 +3,8 @@
 A point has a cost and an excess, which is the sum of its violations, each in the unit of its
 constraint. The excess is compared first and the cost second: the rules of feasibility. An epsilon
 below which excess counts as none, or a penalty that turns excess into cost, changes what is
-compared. docs/isade.md has the choice of every constant.
+compared.
+docs/experiments/2026-11-22-isade-choices.md has the choice of every constant.
 """
 
 import numpy as np

@@ -1,7 +1,8 @@
 """Variation: how ISADE makes trials of its individuals, as pure functions.
 
 The paper's equations (section IV.B, Eqs. 22-28) come first, then what the variant "history" has in
-the place of Eqs. 23-28. Random numbers are arguments. docs/isade.md has the choice of every
+the place of Eqs. 23-28. Random numbers are arguments.
+docs/experiments/2026-11-22-isade-choices.md has the choice of every
 constant.
 """
 

@@ -11,7 +11,8 @@ The optimiser of the paper's section IV.B (Eqs. 22-28), as a function and as ask
     print(optimiser.best_x, optimiser.best_cost)
 
 The random numbers of a generation have the address (seed, generation), so the seed fixes the run
-and the small `state()` continues it exactly. docs/isade.md has the choice of every constant
+and the small `state()` continues it exactly.
+docs/explanation/isade.md has the choice of every constant
 and the comparison of both variants with other optimisers.
 """
 

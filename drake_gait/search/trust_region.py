@@ -35,7 +35,8 @@ class TrustRegion:
     """The default: an ensemble of networks chooses in a region that follows what was simulated.
 
     The region is the distribution of CMA-ES, which learns from every simulated walk where the
-    constraints leave room; a network could hardly tell it (docs/procedure.md). Of many points that
+    constraints leave room; a network could hardly tell it (docs/explanation/search.md).
+    Of many points that
     are drawn from it, those with the largest acquisition are simulated, and the optimum that ISADE
     finds in it.
     """

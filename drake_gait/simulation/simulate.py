@@ -39,7 +39,8 @@ _UPRIGHT = math.cos(FALL_TILT)
 _TOLERANCE, _LINE_SEARCH_TOLERANCE = 1e-5, 0.1
 """Of CENIC's convex solver in steps of fixed length; with errors controlled it follows them.
 
-Drake's own, 1e-8 both, take a fifth longer, and walks move by 0.05 mm (median, docs/walk.md).
+Drake's own, 1e-8 both, take a fifth longer, and walks move by 0.05 mm (median,
+docs/experiments/2026-11-22-integrators.md).
 """
 
 _LINE_SEARCH_OF_SETTLING = 1e-8

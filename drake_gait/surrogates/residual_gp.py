@@ -16,7 +16,8 @@ _LENGTHS = (0.5, 1.0, 2.0, 4.0, 8.0)
 """Of the kernel, in units of the box."""
 _NOISES = (0.3, 1.0, 3.0, 10.0)
 """Variances in parts of that of the process. With less noise than this a process tells the next
-walks no better, and lets a search run after single lucky ones (docs/network.md)."""
+walks no better, and lets a search run after single lucky ones
+(docs/experiments/2026-11-23-residual-process.md)."""
 _SMALLEST_CHANCE = 1e-3
 """To survive, where errors nearby would make it nothing, or less."""
 

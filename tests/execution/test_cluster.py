@@ -40,7 +40,7 @@ def expected():
 
 
 def dask(folder, *arguments):
-    """A process of the command `dask`, as docs/cluster.md starts it."""
+    """A process of the command `dask`, as docs/howto/run_on_a_cluster.md starts it."""
     here = Path(__file__).parents[1]
     with (folder / "log").open("a") as log:
         return subprocess.Popen(

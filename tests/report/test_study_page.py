@@ -1,4 +1,4 @@
-"""What docs/studies.md says of settings and columns is what there is."""
+"""What docs/reference/study.md says of settings and columns is what there is."""
 
 import re
 import tomllib
@@ -16,7 +16,7 @@ WORDS = ("required", "empty", "none")
 
 @pytest.fixture(scope="module")
 def page(repository):
-    return (repository / "docs" / "studies.md").read_text(encoding="utf-8")
+    return (repository / "docs" / "reference" / "study.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
