@@ -19,7 +19,7 @@ from drake_gait.problem.problem import OUTPUTS, Constraints
 from drake_gait.report.result import in_words
 from drake_gait.search.confirmation import winner
 from drake_gait.search.proposer import training_data
-from drake_gait.search.ranking import best_walk, feasible_walks
+from drake_gait.study.ranking import best_walk, feasible_walks
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import default_study, study_settings
 from drake_gait.surrogates.ensemble import fit

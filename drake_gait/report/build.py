@@ -14,9 +14,9 @@ from drake_gait.report.page import FIGURES, PORTRAIT, Run, write_study_page
 from drake_gait.report.result import in_words, summary
 from drake_gait.search.confirmation import STAGE, measured, winner
 from drake_gait.search.proposer import training_data
-from drake_gait.search.ranking import best_walk
 from drake_gait.simulation.plant import stall_torques
 from drake_gait.simulation.simulate import simulate
+from drake_gait.study.ranking import best_walk
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
 from drake_gait.surrogates import ensemble as surrogate

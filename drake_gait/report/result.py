@@ -9,7 +9,7 @@ import numpy as np
 from drake_gait.problem.problem import OUTPUTS, Constraints
 from drake_gait.provenance import versions
 from drake_gait.search.confirmation import STAGE, Finalist, best_unslipping, finalists, winner
-from drake_gait.search.ranking import best_walk, feasible_walks
+from drake_gait.study.ranking import best_walk, feasible_walks
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
 from drake_gait.surrogates.baselines import Comparison

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from drake_gait.errors import StudyError
-from drake_gait.search.ranking import feasible_walks
 from drake_gait.study._lock import is_driven
+from drake_gait.study.ranking import feasible_walks
 from drake_gait.study.records import CONFIRMATIONS, StudyWalk
 from drake_gait.study.settings import study_settings
 from drake_gait.study.store import Study, study_file

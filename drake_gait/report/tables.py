@@ -11,7 +11,7 @@ from drake_gait.foot import DESIGN_UNITS, N_MM_PER_DEG
 from drake_gait.gait import CYCLE_TIME, FRAME_TIME, TERMS, WAVEFORMS
 from drake_gait.problem.problem import Constraints, assess
 from drake_gait.report.result import PAPER_TABLE
-from drake_gait.search.ranking import feasible_walks
+from drake_gait.study.ranking import feasible_walks
 from drake_gait.study.records import StudyWalk
 from drake_gait.walk import Outcome
 

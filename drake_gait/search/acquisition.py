@@ -8,7 +8,7 @@ from scipy.stats import norm
 
 from drake_gait.gait import FloatArray
 from drake_gait.problem.problem import Limit
-from drake_gait.search.ranking import robust_count
+from drake_gait.study.ranking import robust_count
 from drake_gait.surrogates.ensemble import Network, Prediction
 
 _NEIGHBOURHOOD = 0.25

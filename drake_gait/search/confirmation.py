@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drake_gait.problem.problem import Trial
-from drake_gait.search.ranking import Sample
 from drake_gait.search.runner import Planned, Runner, on_other_ground, perturbed
+from drake_gait.study.ranking import Sample
 from drake_gait.study.records import CONFIRMATIONS, StudyWalk
 from drake_gait.study.settings import StudySettings
 from drake_gait.walk import Fidelity, Measures, WalkSettings

@@ -14,8 +14,8 @@ from drake_gait.problem.problem import Trial
 from drake_gait.search.confirmation import confirm
 from drake_gait.search.modes import proposer
 from drake_gait.search.proposer import Proposal
-from drake_gait.search.ranking import Sample, sample
 from drake_gait.search.runner import Evaluate, Planned, Progress, Runner, perturbed
+from drake_gait.study.ranking import Sample, sample
 from drake_gait.study.settings import StudySettings
 from drake_gait.study.store import Study
 from drake_gait.surrogates.ensemble import Network, Prediction, Surrogate

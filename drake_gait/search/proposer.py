@@ -10,8 +10,8 @@ from scipy.stats import qmc
 
 from drake_gait.gait import FloatArray
 from drake_gait.problem.problem import DesignSpace, quantity
-from drake_gait.search.ranking import Sample
 from drake_gait.search.seeding import Purpose, generator
+from drake_gait.study.ranking import Sample
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
 from drake_gait.surrogates.ensemble import Network

@@ -17,8 +17,8 @@ from drake_gait.search.proposer import (
     latin_hypercube,
     training_data,
 )
-from drake_gait.search.ranking import Sample
 from drake_gait.search.seeding import Purpose, seed_of
+from drake_gait.study.ranking import Sample
 from drake_gait.study.settings import StudySettings
 from drake_gait.surrogates import ensemble as surrogate
 from drake_gait.surrogates.ensemble import FEWEST_SURVIVORS, Network, Surrogate

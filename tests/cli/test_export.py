@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from drake_gait.cli.export import main
-from drake_gait.search.ranking import best_walk
+from drake_gait.study.ranking import best_walk
 from drake_gait.study.store import Study
 from drake_gait.walk import Outcome, Walk
 

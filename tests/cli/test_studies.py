@@ -11,7 +11,7 @@ import pytest
 
 from drake_gait.cli.studies import main
 from drake_gait.problem.problem import Objective
-from drake_gait.search.ranking import feasible_walks
+from drake_gait.study.ranking import feasible_walks
 from drake_gait.study.records import CONFIRMATIONS
 from drake_gait.study.store import Study
 from drake_gait.walk import Measures, Outcome, Walk

@@ -19,8 +19,8 @@ from drake_gait.search.confirmation import (
     walked_as,
     winner,
 )
-from drake_gait.search.ranking import sample
 from drake_gait.search.runner import Runner, perturbed
+from drake_gait.study.ranking import sample
 from drake_gait.study.records import CONFIRMATIONS, StudyWalk
 from drake_gait.study.search_settings import ConfirmationSettings
 from drake_gait.study.store import Study

@@ -10,7 +10,7 @@ from drake_gait.gait import FRAMES
 from drake_gait.problem.problem import OUTPUTS, Constraints, Objective
 from drake_gait.search.modes import proposer
 from drake_gait.search.proposer import design_of_experiments, training_data
-from drake_gait.search.ranking import sample
+from drake_gait.study.ranking import sample
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.search_settings import Mode
 from drake_gait.surrogates import ensemble as surrogate

@@ -9,7 +9,7 @@ from conftest import Ground, Interruption, fall_at, numbers, planned, run, walk_
 
 from drake_gait.problem.problem import assess
 from drake_gait.search import loop as search
-from drake_gait.search.ranking import best_walk, feasible_walks
+from drake_gait.study.ranking import best_walk, feasible_walks
 from drake_gait.study.store import Study
 from drake_gait.surrogates import ensemble as surrogate
 from drake_gait.walk import Walk

@@ -8,7 +8,7 @@ import pytest
 from conftest import Ground, Interruption, numbers, planned, run, shorten_trainings, walk_at
 
 from drake_gait.problem.problem import assess
-from drake_gait.search.ranking import best_walk
+from drake_gait.study.ranking import best_walk
 from drake_gait.study.search_settings import Mode
 from drake_gait.study.store import Study
 
