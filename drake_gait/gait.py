@@ -34,8 +34,10 @@ _LEG_JOINTS = ("hip_roll", "hip_pitch", "knee", "ankle_pitch", "ankle_roll")
 JOINTS = tuple(f"{joint}_{side}" for side in ("r", "l") for joint in _LEG_JOINTS)
 """The ten actuated joints, in the order of every array of joint values."""
 
-# Frames of the schedule's instants (Eqs. 3-9): walking starts, walking ends, standing begins.
-_START, _END, _STAND = 15, 165, 180
+WALKING = (15, 165)
+"""Frames in which walking starts and ends: 0.3 and 3.3 s (Eqs. 3-9)."""
+_START, _END = WALKING
+_STAND = 180  # Frame in which standing begins.
 _LEG_PHASE = CYCLE_TIME / 2.0
 _NODE_ROLL = np.radians(1.5)
 _NODE_PITCH: FloatArray = np.radians([15.0, 30.0, 15.0])  # hip, knee, ankle in mid-swing

@@ -153,7 +153,7 @@ class Measures:
     slip: tuple[float, float]
     """Distance that the loaded sole slides over the ground [m]."""
     clearance: tuple[float, float]
-    """Height that the foot's lowest point reaches in the lowest of its swings [m]."""
+    """Minimum toe clearance in the lowest of the foot's swings [m]; 0 without a swing."""
     duty_factor: tuple[float, float]
     """Share of the second cycle in which the foot carries load."""
     peak_ground_reaction: float

@@ -104,7 +104,7 @@ class Constraints:
     slip: float | None = None
     """Largest distance that a loaded sole slides [m]."""
     clearance: float | None = None
-    """Smallest height of a swinging foot [m]."""
+    """Smallest minimum toe clearance of either foot [m]."""
     duty_factor: float | None = None
     """Largest share of a cycle in which a foot carries load."""
     peak_ground_reaction: float | None = None

@@ -191,7 +191,7 @@ def manner_in_words(measures: Measures) -> str:
     slip, clearance = (1e3 * np.array(pair) for pair in (measures.slip, measures.clearance))
     return (
         f"slip {slip[0]:.0f} / {slip[1]:.0f} mm (right / left foot), "
-        f"clearance {clearance[0]:.1f} / {clearance[1]:.1f} mm, "
+        f"toe clearance {clearance[0]:.1f} / {clearance[1]:.1f} mm, "
         f"duty {measures.duty_factor[0]:.2f} / {measures.duty_factor[1]:.2f}, "
         f"yaw swing {np.degrees(measures.yaw_swing):.0f} degrees, "
         f"torso tilt {np.degrees(measures.torso_tilt):.0f} degrees, "

@@ -187,7 +187,7 @@ def manner(measures: Mapping[str, Any]) -> Table:
     """How the winner walks."""
     pairs = (
         ("slip of the loaded sole [mm]", "slip", 1e3, 0),
-        ("clearance of the lowest swing [mm]", "clearance", 1e3, 1),
+        ("minimum toe clearance of the lowest swing [mm]", "clearance", 1e3, 1),
         ("duty factor in the second cycle", "duty_factor", 1.0, 2),
     )
     rows = [

@@ -10,12 +10,11 @@ import numpy as np
 from pydrake.math import RollPitchYaw
 from pydrake.multibody.plant import ContactResults
 from pydrake.systems.framework import Context, EventStatus
+from scipy.signal import find_peaks
 
-from drake_gait.gait import CYCLE_TIME, FRAME_TIME, JOINTS, FloatArray
+from drake_gait.gait import CYCLE_TIME, FRAME_TIME, JOINTS, WALKING, FloatArray
 from drake_gait.simulation.plant import TOE_HINGES, Robot, sole_corners
 from drake_gait.walk import History, Measures
-
-BoolArray = np.ndarray[Any, np.dtype[np.bool_]]
 
 _SIDES = ("r", "l")
 _FOOT_LINKS = ("foot", "big_toe", "lesser_toes")
@@ -24,7 +23,8 @@ LOADED = 0.5
 """Vertical force from which a foot counts as carrying load [N]: 3 % of the robot's weight."""
 
 _SATURATED = 1.0 - 1e-6  # of the stall torque
-_SHORTEST_SWING = 3  # frames; less is a tap
+_SHORTEST_SWING = 4  # frames; a foot that is let go bounces for three at most
+_RIPPLE = 0.0003  # Changes of height that are the contact's, not the leg's [m].
 
 
 class Observer:
@@ -147,8 +147,8 @@ class Observer:
             saturated_fraction=float(self._saturated / max(history.time[-1], FRAME_TIME)),
             slip=(float(self._slip[0]), float(self._slip[1])),
             clearance=(
-                swing_clearance(history.sole_height[:, 0], loaded[:, 0]),
-                swing_clearance(history.sole_height[:, 1], loaded[:, 1]),
+                swing_clearance(history.sole_height[:, 0]),
+                swing_clearance(history.sole_height[:, 1]),
             ),
             duty_factor=(float(duty[0]), float(duty[1])),
             # By momentum: forces read from a state that ends a step are not those of the step.
@@ -232,17 +232,34 @@ class Observer:
         return np.array(heights)
 
 
-def swing_clearance(height: FloatArray, loaded: BoolArray) -> float:
-    """The least, over the swings of a foot, of the greatest height of its lowest point [m].
+def swing_clearance(height: FloatArray) -> float:
+    """Return the minimum toe clearance of a foot in the lowest of its swings [m].
+
+    A swing lasts from lift-off to touch-down, between 0.3 and 3.3 s: while no point of foot and
+    toes touches the ground. Its clearance is the least height from its first to its last maximum.
+    That is the local minimum in mid-swing (Winter 1992; Begg et al. 2007), or the top of a swing
+    with one maximum. Lift-off and touch-down, where every toe is at the ground, do not count.
 
     Args:
-        height: Height of the foot's lowest point at each frame [m], shape (n,).
-        loaded: Whether it carries load, shape (n,).
+        height: Height of the foot's lowest point at each frame from time 0 [m], shape (n,).
 
     Returns:
-        0 where the foot never swings for longer than a tap.
+        0 for a foot without a whole swing: it stands, drags its toe, or stays in the air.
     """
-    edges = np.flatnonzero(np.diff(np.concatenate([[True], loaded, [True]]).astype(int)))
-    swings = edges.reshape(-1, 2)
-    peaks = [height[begin:end].max() for begin, end in swings if end - begin >= _SHORTEST_SWING]
-    return float(min(peaks, default=0.0))
+    frames = height[WALKING[0] - 1 : WALKING[1] + 1]
+    aloft = np.concatenate([[0], frames > 0.0, [0]])
+    swings = np.flatnonzero(np.diff(aloft)).reshape(-1, 2)
+    whole = [
+        frames[begin:end]
+        for begin, end in swings
+        if begin > 0 and end < len(frames) and end - begin >= _SHORTEST_SWING
+    ]
+    found = (_mid_swing(swing) for swing in whole if swing.max() > _RIPPLE)
+    return min(found, default=0.0)
+
+
+def _mid_swing(height: FloatArray) -> float:
+    """Return the least height from the first to the last maximum of one swing [m]."""
+    maxima, _ = find_peaks(np.pad(height, 1), prominence=_RIPPLE)
+    first, last = maxima[0] - 1, maxima[-1] - 1
+    return float(height[first : last + 1].min())

@@ -1,5 +1,7 @@
 """Laws of mechanics that every simulated walk must keep."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from pydrake.geometry import Box, ProximityProperties
@@ -321,19 +323,87 @@ def test_torques_never_exceed_the_torque_speed_line() -> None:
 # --- Measures -------------------------------------------------------------------------------------
 
 
+TWO_MAXIMA = (1.0, 9.0, 14.0, 9.0, 6.0, 8.0, 12.0, 16.0, 7.0)
+ONE_MAXIMUM = (2.0, 6.0, 10.0, 8.0, 3.0)
+NEVER_DOWN = (5.0,) * 226
+
+
+def heights(*swings: tuple[int, Sequence[float]], frames: int = 241) -> FloatArray:
+    """A foot's lowest point [m]: on the ground but for swings, each a frame and heights [mm]."""
+    height = np.full(frames, -0.2)
+    for begin, swing in swings:
+        height[begin : begin + len(swing)] = swing[: frames - begin]
+    return 1e-3 * height
+
+
 @pytest.mark.parametrize(
-    ("height", "loaded", "expected"),
+    ("swings", "expected"),
     [
-        ([0, 0, 0, 0, 0, 0], [1, 1, 1, 1, 1, 1], 0.0),  # never lifted
-        ([0, 1, 3, 1, 0, 0], [1, 0, 0, 0, 1, 1], 3.0),
-        ([0, 1, 3, 1, 0, 1, 2, 1], [1, 0, 0, 0, 1, 0, 0, 0], 2.0),  # the lower of two swings
-        ([0, 9, 9, 0, 1, 2, 1, 0], [1, 0, 0, 1, 0, 0, 0, 1], 2.0),  # a tap of two frames
+        ([(40, TWO_MAXIMA)], 6.0),
+        ([(40, ONE_MAXIMUM)], 10.0),
+        ([(40, (3.0, 7.0, 7.0, 7.0, 2.0))], 7.0),  # a plateau is one maximum
+        ([(40, ONE_MAXIMUM), (80, TWO_MAXIMA), (120, ONE_MAXIMUM)], 6.0),
+        ([(40, (1.0, 0.9, 5.0, 9.0, 4.0, 4.2, 1.0))], 9.0),  # ripples are no maxima
+        ([(40, (2.0, 8.0, 3.0, 5.0, 2.5, 9.0, 1.0))], 2.5),  # the lowest of several minima
     ],
 )
-def test_clearance_is_the_height_of_the_lowest_swing(
-    height: list[float], loaded: list[int], expected: float
+def test_clearance_is_the_lowest_local_minimum_in_mid_swing(
+    swings: list[tuple[int, Sequence[float]]], expected: float
 ) -> None:
-    assert swing_clearance(np.array(height, float), np.array(loaded, bool)) == expected
+    assert swing_clearance(heights(*swings)) == pytest.approx(1e-3 * expected)
+
+
+@pytest.mark.parametrize(
+    "swings",
+    [
+        [(2, (0.5, 0.1, 0.4, 0.2, 0.5))],  # the unloading before the first step
+        [(13, (1.0, 2.0, 4.0, 3.0, 2.0))],  # from before 0.3 s
+        [(60, (0.1, 0.2, 0.1, 0.25, 0.1, 0.1))],  # a ripple while it stands
+        [(60, (1.0, 2.0, 1.0))],  # a bounce
+        [(162, (1.0, 6.0, 8.0, 9.0, 4.0))],  # the step that ends the walk
+        [(200, (1.0, 3.0, 2.0, 1.0))],  # after it
+    ],
+)
+def test_what_is_no_swing_of_the_walking_phase_changes_no_clearance(
+    swings: list[tuple[int, Sequence[float]]],
+) -> None:
+    assert swing_clearance(heights(*swings)) == 0.0
+    assert swing_clearance(heights(*swings, (100, ONE_MAXIMUM))) == pytest.approx(0.010)
+
+
+@pytest.mark.parametrize(
+    "height",
+    [
+        heights(),  # stands
+        np.zeros(241),  # drags its toe
+        heights((15, NEVER_DOWN)),
+        heights((40, ONE_MAXIMUM), frames=43),  # it fell in its first swing
+        heights(frames=1),
+    ],
+)
+def test_a_foot_without_a_whole_swing_has_no_clearance(height: FloatArray) -> None:
+    assert swing_clearance(height) == 0.0
+
+
+def test_a_toe_that_brushes_the_ground_ends_a_swing() -> None:
+    brushing = (4.0, 9.0, 6.0, 2.0, -0.3, -0.3, 3.0, 5.0, 7.0, 1.0)
+    assert swing_clearance(heights((40, brushing))) == pytest.approx(0.007)
+
+
+def test_both_feet_clear_the_ground_in_a_hop_by_the_same_height() -> None:
+    left, right = (heights((begin, ONE_MAXIMUM)) for begin in (50, 52))
+    assert swing_clearance(left) == swing_clearance(right) == pytest.approx(0.010)
+
+
+@pytest.mark.parametrize("rigid", [False, True])
+def test_feet_of_a_walk_clear_the_ground_by_less_than_they_rise(rigid: bool) -> None:
+    foot = FootDesign(rigid_toes=rigid)
+    walk = simulate(Candidate(gait=MIDDLE, foot=foot), history=True)
+    assert walk.history is not None
+    assert walk.measures is not None
+    highest = walk.history.sole_height[15:166].max(axis=0)
+    assert (np.array(walk.measures.clearance) <= highest).all()
+    assert max(walk.measures.clearance) > 0.001
 
 
 def test_a_standing_robot_neither_slips_nor_swings() -> None:

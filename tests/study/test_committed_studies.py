@@ -1,12 +1,13 @@
 """The studies of studies/ are what their files say, and their winners walk as they are said to."""
 
 import json
+import re
 
 import pytest
 
 from drake_gait.provenance import file_sha256
 from drake_gait.search.confirmation import finalists, walked_as, winner
-from drake_gait.simulation.plant import model_path
+from drake_gait.simulation.plant import model_path, stall_torques
 from drake_gait.simulation.simulate import simulate
 from drake_gait.study.settings import read_study
 from drake_gait.study.store import Study
@@ -49,3 +50,19 @@ def test_the_refined_walk_that_bears_all_noise_is_feasible_at_other_steps_too(co
         walk = simulate(steady.walk.candidate, WalkSettings(integrator=integrator))
         assert settings.assess(walk).feasible
         assert walk.forward == pytest.approx(steady.walk.walk.forward, abs=5e-3)
+
+
+def test_the_page_of_the_robot_counts_the_walks_beyond_its_servos(committed, repository):
+    settings, study, _ = committed
+    servo, stall = settings.walk.servo, stall_torques().max()
+    measured = [walk.walk.measures for walk in study.walks() if walk.walk.measures]
+    page = (repository / "docs" / "robot.md").read_text(encoding="utf-8")
+    row = re.search(rf"^\| `studies/{settings.name}` \|(.*)\|$", page, re.M)[1].split(" | ")
+    assert list(map(int, row[:3])) == [
+        len(measured),
+        sum(measures.peak_torque > stall for measures in measured),
+        sum(measures.peak_speed > servo.no_load_speed for measures in measured),
+    ]
+    torque, speed = (max(map(float, cell.split(" / "))) for cell in row[3:5])
+    assert torque == round(max(measures.peak_torque for measures in measured), 2)
+    assert speed == round(max(measures.peak_speed for measures in measured), 2)
