@@ -9,6 +9,7 @@ for each walk, anova.json and a figure.
 import argparse
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -24,7 +25,9 @@ if __name__ == "__main__":
     ctrl_c_ends_at_once()  # Before the slow imports.
 
 from drake_gait.errors import GaitError, StudyError
+from drake_gait.execution.parent import GRACE, Lifeline
 from drake_gait.optimization import is_finished
+from drake_gait.study._lock import driver_lock, is_driven
 from drake_gait.sweep.grid import run_grid
 from drake_gait.sweep.results import (
     COST,
@@ -41,6 +44,7 @@ from drake_gait.visualization import sweep as sweep_figures
 
 _POLLING = 0.2  # Time between two looks at the studies that run [s].
 _STOPPING = 60.0  # What a study may take to stop [s].
+_LONGEST_WORD = 300  # Of the last line that a study said, so much is repeated.
 
 # Studies beside each other are faster than one whose libraries want all cores.
 _ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
@@ -84,11 +88,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with sigterm_interrupts():
             sweep = read_sweep(options.sweep)
             out = options.out or Path("runs") / sweep.name
-            if sweep.grid is not None:
-                print(run_grid(sweep.grid, out, options.workers))
-            else:
-                _run_studies(sweep, out, options.workers)
-                _write_results(sweep, out)
+            with driver_lock(out / "sweep"):
+                if sweep.grid is not None:
+                    print(run_grid(sweep.grid, out, options.workers))
+                else:
+                    _run_studies(sweep, out, options.workers)
+                    _write_results(sweep, out)
     except GaitError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
@@ -106,35 +111,50 @@ def _run_studies(sweep: Sweep, out: Path, workers: int) -> None:
           flush=True)  # fmt: skip
     running: dict[subprocess.Popen[bytes], PlannedStudy] = {}
     done = total - len(waiting)
-    try:
-        while waiting or running:
-            while waiting and len(running) < workers:
-                study = waiting.popleft()
-                running[_start(sweep, study, out)] = study
-            time.sleep(_POLLING)
-            for process in [process for process in running if process.poll() is not None]:
-                study = running.pop(process)
-                if process.returncode:
-                    raise StudyError(_why_it_stopped(study, out, process.returncode))
-                done += 1
-                print(f"{done}/{total} {_in_words(study, out)}", flush=True)
-    finally:
-        _stop(list(running))
+    with Lifeline() as lifeline:
+        try:
+            while waiting or running:
+                while waiting and len(running) < workers:
+                    study = waiting.popleft()
+                    _wait_for_another(study.folder(out))
+                    running[_start(sweep, study, out, lifeline)] = study
+                time.sleep(_POLLING)
+                for process in [process for process in running if process.poll() is not None]:
+                    study = running.pop(process)
+                    if process.returncode:
+                        raise StudyError(_why_it_stopped(sweep, study, out, process.returncode))
+                    done += 1
+                    print(f"{done}/{total} {_in_words(study, out)}", flush=True)
+        finally:
+            _stop(list(running))
 
 
 def _has_result(study: PlannedStudy, out: Path) -> bool:
+    """Whether a study is at its end and its report is written."""
     folder = study.folder(out)
-    return is_finished(study.settings, folder) and (folder / "result.json").exists()
+    if not is_finished(study.settings, folder) or not (folder / "report.html").exists():
+        return False
+    try:
+        read_row(study, out)
+    except StudyError:  # Damaged or missing: the study writes it anew from its walks.
+        return False
+    return True
 
 
-def _start(sweep: Sweep, study: PlannedStudy, out: Path) -> subprocess.Popen[bytes]:
+def _wait_for_another(folder: Path) -> None:
+    """Wait for a study that is about to end, because the sweep that started it was killed."""
+    for _ in range(round(GRACE / _POLLING)):
+        if not is_driven(folder / "study.db"):
+            return
+        time.sleep(_POLLING)
+
+
+def _start(
+    sweep: Sweep, study: PlannedStudy, out: Path, lifeline: Lifeline
+) -> subprocess.Popen[bytes]:
     """A process that runs one study with one worker, its output in log.txt."""
     folder = study.folder(out)
-    settings = [
-        f"{section}.{key}={json.dumps(value)}" for (section, key), value in study.overrides.items()
-    ]
-    command = [sys.executable, "-m", "drake_gait.optimize", str(sweep.base), "--workers", "1"]
-    command += ["--out", str(folder), *(word for text in settings for word in ("--set", text))]
+    command = lifeline.command("drake_gait.optimize", _arguments(sweep, study, out))
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with (folder / "log.txt").open("wb") as log:
@@ -145,10 +165,21 @@ def _start(sweep: Sweep, study: PlannedStudy, out: Path) -> subprocess.Popen[byt
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 env={**os.environ, **_ONE_THREAD},
+                pass_fds=[lifeline.descriptor],
                 start_new_session=True,
             )
     except OSError as error:
         raise StudyError(f"cannot start a study in {folder}: {error.strerror}") from None
+
+
+def _arguments(sweep: Sweep, study: PlannedStudy, out: Path) -> list[str]:
+    """What `optimize` is told."""
+    folder = study.folder(out)
+    settings = [
+        f"{section}.{key}={json.dumps(value)}" for (section, key), value in study.overrides.items()
+    ]
+    command = [str(sweep.base), "--workers", "1", "--out", str(folder)]
+    return command + [word for text in settings for word in ("--set", text)]
 
 
 def _stop(processes: Sequence[subprocess.Popen[bytes]]) -> None:
@@ -162,14 +193,32 @@ def _stop(processes: Sequence[subprocess.Popen[bytes]]) -> None:
             process.kill()
 
 
-def _why_it_stopped(study: PlannedStudy, out: Path, status: int) -> str:
+def _why_it_stopped(sweep: Sweep, study: PlannedStudy, out: Path, status: int) -> str:
+    """How a study ended, what it said last, and how to repeat it alone."""
     folder = study.folder(out)
-    lines = (folder / "log.txt").read_text(encoding="utf-8", errors="replace").split("\n")
-    said = next((line for line in reversed(lines) if line.strip()), "nothing")
+    alone = shlex.join(["python", "-m", "drake_gait.optimize", *_arguments(sweep, study, out)])
+    how = f"ended with status {status}"
+    if status < 0:
+        names = [one.name for one in signal.Signals if one == -status]
+        how = f"was ended by {names[0] if names else f'signal {-status}'}"
+    if status == -signal.SIGKILL:
+        how += ", as the system does where memory is short"
     return (
-        f"the study in {folder} ended with status {status} and said "
-        f"'{said.removeprefix('error: ')}'; the same command goes on"
+        f"the study in {folder} {how}, and {_last_words(folder / 'log.txt')}; the same command "
+        f"goes on, and this runs the study alone: {alone}"
     )
+
+
+def _last_words(log: Path) -> str:
+    """What a study said last."""
+    try:
+        text = log.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        return f"its log.txt cannot be read: {error.strerror}"
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    if not lines:
+        return "said nothing"
+    return f"said '{lines[-1].removeprefix('error: ')[:_LONGEST_WORD]}'"
 
 
 def _in_words(study: PlannedStudy, out: Path) -> str:

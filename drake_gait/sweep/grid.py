@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from drake_gait.errors import StudyError
+from drake_gait.errors import SettingsError, StudyError
 from drake_gait.execution.local import LocalProcesses
 from drake_gait.gait import FloatArray, Gait
 from drake_gait.optimization import STARTING_TIME
@@ -24,7 +24,7 @@ from drake_gait.simulation.simulate import walk_trial
 from drake_gait.sweep.anova import Effect, two_way
 from drake_gait.sweep.settings import Grid
 from drake_gait.visualization import sweep as sweep_figures
-from drake_gait.walk import Walk
+from drake_gait.walk import Outcome, Walk
 
 Place = tuple[int, int, int, int]
 """Level of the first and of the second axis, gait, replica; each from 0."""
@@ -58,9 +58,10 @@ def candidate(grid: Grid, place: Place) -> Candidate:
 def run_grid(grid: Grid, out: Path, workers: int) -> str:
     """Walk what is missing, write the analysis and the figure; returns a table for people.
 
+    Where too few walks survive for an analysis, the files hold all but that, and the table says so.
+
     Raises:
         StudyError: the folder holds another grid, or a file cannot be written.
-        SettingsError: too few walks survived for an analysis.
     """
     path = out / "grid.csv"
     try:
@@ -97,34 +98,60 @@ def _claim(grid: Grid, path: Path) -> None:
         "gaits_deg": [gait.degrees.tolist() for gait in grid.gaits],
         "noise_deg": grid.noise_deg,
     }))  # fmt: skip
+    walks = path.with_suffix(".csv")
     if not path.exists():
-        path.write_text(json.dumps(wanted, indent=2) + "\n", encoding="utf-8")
-        (path.parent / "grid.csv").write_text(",".join(_COLUMNS) + "\n", encoding="utf-8")
+        if _known(walks):
+            raise StudyError(
+                f"{walks} holds walks of a grid that is not known, as {path.name} is missing; "
+                "remove it, or give --out for another folder"
+            )
+        _replace(path, json.dumps(wanted, indent=2) + "\n")
         return
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except ValueError:
-        found = None
+        raise StudyError(
+            f"{path} is damaged, so that the grid of {walks.name} is not known; remove both, or "
+            "give --out for another folder"
+        ) from None
     if found != wanted:
         raise StudyError(f"{path.parent} holds another grid; give --out for another folder")
 
 
 def _known(path: Path) -> dict[Place, Mapping[str, Any]]:
-    """The walks in grid.csv; a line that was cut off by the end of a process is dropped."""
-    whole, rows = [",".join(_COLUMNS)], {}
-    lines = path.read_text(encoding="utf-8").split("\n")
-    for line in lines[1:-1]:  # What follows the last line's end is no line.
-        values = dict(zip(_COLUMNS, line.split(","), strict=False))
-        if len(values) == len(_COLUMNS):
-            place = tuple(int(values[name]) for name in _PLACE)
-            rows[place] = {
-                name: value if name == "outcome" else float(value)
-                for name, value in values.items()
-                if name not in _PLACE
-            }
+    """The walks in grid.csv. Lines that are cut off or damaged are dropped, and walked again."""
+    rows: dict[Place, Mapping[str, Any]] = {}
+    before = path.read_text(encoding="utf-8", errors="replace") if path.exists() else ""
+    whole = [",".join(_COLUMNS)]
+    for line in before.split("\n")[1:-1]:  # What follows the last line's end is no line.
+        found = _from_line(line)
+        if found is not None:
+            place, row = found
+            rows[place] = row
             whole.append(line)
-    path.write_text("\n".join(whole) + "\n", encoding="utf-8")
-    return rows  # type: ignore[return-value]
+    after = "\n".join(whole) + "\n"
+    if after != before:
+        _replace(path, after)
+    return rows
+
+
+def _from_line(line: str) -> tuple[Place, Mapping[str, Any]] | None:
+    """The place and the walk of a line of grid.csv; None if it is none."""
+    try:
+        first, second, gait, replica, outcome, *numbers = line.split(",")
+        place = int(first), int(second), int(gait), int(replica)
+        values = [str(Outcome(outcome)), *map(float, numbers)]
+        row = dict(zip(_COLUMNS[len(_PLACE) :], values, strict=True))
+    except ValueError:
+        return None
+    return (place, row) if np.isfinite(values[1:]).all() else None  # type: ignore[arg-type]
+
+
+def _replace(path: Path, text: str) -> None:
+    """Write a file so that it is there as a whole, or as it was."""
+    new = path.with_name(f"{path.name}.new")
+    new.write_text(text, encoding="utf-8")
+    new.replace(path)
 
 
 def _row(walk: Walk) -> Mapping[str, Any]:
@@ -143,7 +170,7 @@ def _analyse(grid: Grid, rows: Mapping[Place, Mapping[str, Any]], out: Path) -> 
     distance = np.array([rows[place]["forward_mm"] for place in walked])
     first, second, gait, _ = np.array(walked, dtype=int).reshape(-1, 4).T
     names = tuple(axis.name for axis in grid.axes)
-    effects = two_way(distance, first, second, gait, names)
+    effects, obstacle = _effects(distance, first, second, gait, names)
     shape = tuple(len(axis.levels) for axis in grid.axes)
     mean, survivors = np.full(shape, np.nan), np.zeros(shape, dtype=int)
     # Gaits differ more than feet: a cell is compared by how far it is from its gaits' means.
@@ -152,13 +179,13 @@ def _analyse(grid: Grid, rows: Mapping[Place, Mapping[str, Any]], out: Path) -> 
         here = (first == cell[0]) & (second == cell[1])
         survivors[cell] = here.sum()
         if here.any():
-            mean[cell] = (distance - expected)[here].mean()
-    mean += distance.mean()
+            mean[cell] = (distance - expected)[here].mean() + distance.mean()
     labels = [[_label(level) for level in axis.levels] for axis in grid.axes]
     content = {
-        "walks": len(rows),
+        "walks": len(places(grid)),
         "survivors": len(walked),
         "effects": [asdict(effect) for effect in effects],
+        "no_effects_because": obstacle,
         "mean_forward_mm": [
             [None if np.isnan(cell) else cell for cell in row] for row in mean.tolist()
         ],
@@ -166,10 +193,19 @@ def _analyse(grid: Grid, rows: Mapping[Place, Mapping[str, Any]], out: Path) -> 
     }
     (out / "anova.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
     sweep_figures.grid(mean, labels, names, out / "grid.png")
-    return (
-        f"{_table(effects)}\n\n{_cells(mean, survivors, labels, names, grid)}\n{out}: grid.csv, "
-        "anova.json, grid.png"
-    )
+    cells = _cells(mean, survivors, labels, names, grid)
+    return f"{obstacle or _table(effects)}\n\n{cells}\n{out}: grid.csv, anova.json, grid.png"
+
+
+def _effects(
+    distance: FloatArray, first: FloatArray, second: FloatArray, gait: FloatArray,
+    names: Sequence[str],
+) -> tuple[Sequence[Effect], str | None]:  # fmt: skip
+    """The analysis of variance, or why there is none."""
+    try:
+        return two_way(distance, first, second, gait, names), None
+    except SettingsError as error:
+        return (), f"no analysis of variance of the walks that survived: {error}"
 
 
 def _label(level: Mapping[str, float]) -> str:
@@ -196,12 +232,15 @@ def _cells(
     """The means of all cells, and the best of those where at least half of the walks survived."""
     wanted = grid.replicas * len(grid.gaits) / 2.0
     ranked = np.where(survivors >= wanted, mean, -np.inf)
-    row_index, column_index = divmod(int(np.nanargmax(ranked)), mean.shape[1])
     lines = [f"mean Z of survivors [mm]; rows {names[0]}, columns {names[1]}"]
     width = max(9, *(len(label) + 1 for label in labels[1]))
     lines.append(" " * 18 + "".join(f"{label:>{width}}" for label in labels[1]))
     for label, row in zip(labels[0], mean, strict=True):
         lines.append(f"{label:>18}" + "".join(f"{value:{width}.1f}" for value in row))
+    if not np.isfinite(ranked).any():
+        lines.append("furthest: none, as on no foot half of the walks survived")
+        return "\n".join(lines) + "\n"
+    row_index, column_index = divmod(int(ranked.argmax()), mean.shape[1])
     lines.append(
         f"furthest: {names[0]} {labels[0][row_index]}, {names[1]} {labels[1][column_index]}, "
         f"{mean[row_index, column_index]:.1f} mm"

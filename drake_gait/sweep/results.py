@@ -67,7 +67,8 @@ class VariantSummary:
     """Numbers of studies with a feasible walk, by key of a row."""
     p_values: Mapping[str, float]
     """Probabilities of numbers so different from the first variant's if nothing differed
-    (Mann-Whitney, two-sided), by key of a row; empty for the first one."""
+    (Mann-Whitney, two-sided), by key of a row. None for the first variant, nor where a variant has
+    one such number or where all are equal."""
 
 
 def read_row(study: PlannedStudy, out: Path) -> Row:
@@ -81,13 +82,16 @@ def read_row(study: PlannedStudy, out: Path) -> Row:
         result = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise StudyError(f"cannot read {path}: {error}; run the sweep again") from None
-    row = {
-        "variant": study.variant,
-        "seed": study.seed,
-        FURTHEST: _furthest(result),
-        ROBUST: _of_finalist(result, result["winner"], "median_mm"),
-        **dict(_flat(result)),
-    }
+    try:
+        row = {
+            "variant": study.variant,
+            "seed": study.seed,
+            FURTHEST: _furthest(result),
+            ROBUST: _of_finalist(result, result["winner"], "median_mm"),
+            **dict(_flat(result)),
+        }
+    except (AttributeError, KeyError, TypeError, ValueError):
+        raise StudyError(f"{path} is no result of a study; run the sweep again") from None
     slips = [value for key, value in row.items() if key.startswith("measures.slip.")]
     return {**row, "slip_mm": 1e3 * sum(slips)} if slips else row
 
@@ -135,9 +139,10 @@ def summaries(rows: Sequence[Row], variants: Sequence[str]) -> list[VariantSumma
                 robust=sum(row["winner"] is not None for row in own),
                 spreads={key: _spread(_numbers(own, key)) for key in keys},
                 p_values={
-                    key: _p_value(_numbers(own, key), _numbers(first, key))
+                    key: p_value
                     for key in keys
-                    if variant != variants[0] and _numbers(first, key)
+                    if variant != variants[0]
+                    and (p_value := _p_value(_numbers(own, key), _numbers(first, key))) is not None
                 },
             )
         )
@@ -153,7 +158,10 @@ def _spread(values: Sequence[float]) -> Spread:
     return Spread(median=median, lowest=float(min(values)), highest=float(max(values)))
 
 
-def _p_value(values: Sequence[float], others: Sequence[float]) -> float:
+def _p_value(values: Sequence[float], others: Sequence[float]) -> float | None:
+    """Probability that the test gives; None where it can tell nothing: one seed, or no scatter."""
+    if min(len(values), len(others)) < 2 or len({*values, *others}) < 2:
+        return None
     return float(stats.mannwhitneyu(values, others, alternative="two-sided").pvalue)
 
 

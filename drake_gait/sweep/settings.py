@@ -25,8 +25,10 @@ A grid has, in place of seeds and variants, gaits that walk on every foot of the
     toe_damping_n_m_s_per_rad = [1e-4, 1e-3]
 """
 
+import os
 import tomllib
-from collections.abc import Mapping
+import unicodedata
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -39,6 +41,10 @@ from drake_gait.study.settings import StudySettings, read_study
 
 Overrides = Mapping[tuple[str, str], Any]
 
+OUTPUTS = ("sweep.csv", "sweep.json", "sweep.png", "pareto.png", "sweep.lock")
+"""Files that a sweep writes beside the folders of its variants."""
+
+_LONGEST_NAME = 200  # Of a folder [bytes]; file systems take 255.
 _SWEEP_KEYS = ("name", "question", "base", "seeds")
 _GRID_KEYS = ("replicas", "noise_deg", "results", "coefficients_deg", "axes")
 
@@ -146,6 +152,7 @@ def _sweep(content: Mapping[str, Any], folder: Path) -> Sweep:
         if "seeds" in head:
             raise SettingsError("a [grid] has no sweep.seeds; its base has the seed")
         return Sweep(**named, grid=_grid(_table("grid", content["grid"]), base, common, folder))
+    _check_names(_table("variants", content["variants"]))
     variants = {
         name: {**common, **_overrides(f"variants.{name}", values)}
         for name, values in _table("variants", content["variants"]).items()
@@ -158,9 +165,25 @@ def _sweep(content: Mapping[str, Any], folder: Path) -> Sweep:
     return Sweep(**named, studies=studies)
 
 
+def _check_names(variants: Mapping[str, Any]) -> None:
+    """Refuse names of variants that do not do as names of folders beside each other."""
+    taken: dict[str, str] = {name: f"the sweep's {name}" for name in OUTPUTS}
+    for name in variants:
+        if not name.isprintable() or not name or "/" in name or name.startswith("."):
+            raise SettingsError(f"a variant's name must do as a folder's name, got {name!r}")
+        if len(os.fsencode(name)) > _LONGEST_NAME:
+            raise SettingsError(
+                f"a variant's name must have {_LONGEST_NAME} bytes at most, to do as a folder's "
+                f"name; got '{name[:20]}...' of {len(os.fsencode(name))}"
+            )
+        # Where a file system does not tell them apart, two variants would share a folder.
+        if (other := taken.setdefault(unicodedata.normalize("NFC", name).casefold(), name)) != name:
+            raise SettingsError(
+                f"the folder of variant '{name}' could be that of {other}; call it otherwise"
+            )
+
+
 def _planned(sweep: str, variant: str, seed: int, base: Path, overrides: Overrides) -> PlannedStudy:
-    if not variant or "/" in variant or variant.startswith("."):
-        raise SettingsError(f"a variant's name must do as a folder's name, got '{variant}'")
     overrides = {**overrides, ("study", "name"): f"{sweep}-{variant}", ("study", "seed"): seed}
     settings = read_study(base, overrides)
     return PlannedStudy(variant=variant, seed=seed, settings=settings, overrides=overrides)
@@ -174,12 +197,15 @@ def _grid(values: Mapping[str, Any], base: Path, common: Overrides, folder: Path
     if isinstance(noise, bool) or not isinstance(noise, (int, float)) or not 0.0 <= noise <= 1.0:
         raise SettingsError(f"grid.noise_deg must lie in 0 to 1 degrees, got {noise!r}")
     gaits = _gaits(values, folder)
+    _check_scatter(gaits, replicas, noise)
     axes = values.get("axes", [])
     if not isinstance(axes, list) or len(axes) != 2:
         raise SettingsError("[grid] needs two [[grid.axes]]")
     first, second = (_axis(_table("grid.axes", axis)) for axis in axes)
     if shared := first.levels[0].keys() & second.levels[0].keys():
         raise SettingsError(f"both axes of the grid set {', '.join(sorted(shared))}")
+    if first.name == second.name:
+        raise SettingsError(f"both axes of the grid are called '{first.name}'; name one otherwise")
     feet = tuple(
         tuple(
             read_study(
@@ -208,14 +234,40 @@ def _axis(values: Mapping[str, Any]) -> Axis:
             "each of [[grid.axes]] needs keys of [foot] with equally many values, two or more, "
             f"got {dict(values)}"
         )
-    rows = zip(*columns.values(), strict=True)
+    rows = list(zip(*columns.values(), strict=True))
+    if repeated := [row for place, row in enumerate(rows) if row in rows[:place]]:
+        again = " / ".join(map(str, repeated[0]))
+        raise SettingsError(f"axis '{name}' of the grid has the level {again} twice; leave one out")
     return Axis(name=name, levels=tuple(dict(zip(columns, row, strict=True)) for row in rows))
 
 
+def _check_scatter(gaits: Sequence[Gait], replicas: int, noise: float) -> None:
+    """Refuse walks between which an analysis of variance would find no scatter."""
+    if replicas * len(gaits) < 2:
+        raise SettingsError(
+            "one gait with grid.replicas = 1 walks once on every foot, which leaves an analysis of "
+            "variance no scatter; give replicas >= 2 and noise_deg > 0, or more gaits"
+        )
+    if noise == 0.0 and replicas > 1:
+        raise SettingsError(
+            f"grid.replicas = {replicas} with grid.noise_deg = 0 are the same walk again and "
+            "again, which leaves an analysis of variance no scatter; give noise_deg > 0, or "
+            "replicas = 1 with two gaits or more"
+        )
+    if noise == 0.0 and len(set(gaits)) < len(gaits):
+        raise SettingsError(
+            "a gait is given twice to a [grid] with grid.noise_deg = 0; leave it out, or give "
+            "noise_deg > 0"
+        )
+
+
 def _gaits(values: Mapping[str, Any], folder: Path) -> tuple[Gait, ...]:
-    tables = list(values.get("coefficients_deg", []))
-    results = (folder / name for name in values.get("results", []))
-    tables += [coefficients_of_result(path) for path in results]
+    tables, names = values.get("coefficients_deg", []), values.get("results", [])
+    if not isinstance(tables, list):
+        raise SettingsError(f"grid.coefficients_deg must be a list of gaits, got {tables!r}")
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise SettingsError(f'grid.results must be a list of files, ["..."], got {names!r}')
+    tables = [*tables, *(coefficients_of_result(folder / name) for name in names)]
     if not tables:
         raise SettingsError('[grid] needs gaits: results = ["..."] or coefficients_deg = [...]')
     return tuple(Gait.from_degrees(table) for table in tables)

@@ -120,6 +120,60 @@ def test_an_interrupted_grid_walks_only_what_is_missing(grid, walked, tmp_path):
     assert (tmp_path / "anova.json").read_text() == result
 
 
+@pytest.mark.parametrize(
+    "damage",
+    [
+        "",
+        "nonsense\n",
+        "first,second\n0,0,0,0,walked,240,nan,0,0\n1,0,0,0,jumped,240,1,0,0\n\xff\n",
+        "first,second\n2,0,0,0.5,walked,240,1,0,0\n0,0,0,0,walked,240,1,0,0",
+        None,
+    ],
+)
+def test_walks_that_cannot_be_read_are_walked_again(grid, walked, tmp_path, damage):
+    run_grid(grid, tmp_path, 1)
+    whole = (tmp_path / "grid.csv").read_text()
+    path = tmp_path / "grid.csv"
+    path.unlink() if damage is None else path.write_text(damage, encoding="latin-1")
+    del walked[:]
+    run_grid(grid, tmp_path, 1)
+    assert len(walked) == 36
+    assert path.read_text() == whole
+
+
+def test_a_grid_that_is_not_known_is_refused_by_its_file(grid, walked, tmp_path):
+    run_grid(grid, tmp_path, 1)
+    (tmp_path / "grid.json").write_text("{")
+    with pytest.raises(StudyError, match=r"grid\.json is damaged.*--out"):
+        run_grid(grid, tmp_path, 1)
+    (tmp_path / "grid.json").unlink()
+    with pytest.raises(StudyError, match=r"grid\.csv .*grid\.json is missing.*--out"):
+        run_grid(grid, tmp_path, 1)
+    (tmp_path / "grid.csv").unlink()
+    run_grid(grid, tmp_path, 1)
+
+
+@pytest.mark.parametrize("survivors", [0, 1, 2, 3])
+def test_where_too_few_walks_survive_the_analysis_alone_is_left_out(
+    grid, monkeypatch, walked, tmp_path, survivors
+):
+    walk = foot_grid.walk_trial
+
+    def mostly_falls(trial):
+        fell = len(walked) >= survivors
+        found = walk(trial)
+        return dataclasses.replace(found, outcome=Outcome.FELL if fell else Outcome.WALKED)
+
+    monkeypatch.setattr(foot_grid, "walk_trial", mostly_falls)
+    text = run_grid(grid, tmp_path, 1)
+    content = json.loads((tmp_path / "anova.json").read_text(), parse_constant=pytest.fail)
+    assert (content["walks"], content["survivors"], content["effects"]) == (36, survivors, [])
+    assert f"got {survivors}" in content["no_effects_because"]
+    assert content["no_effects_because"] in text
+    assert "furthest: none" in text
+    assert (tmp_path / "grid.png").stat().st_size > 0
+
+
 def test_more_replicas_go_on_with_a_grid_and_another_grid_is_refused(grid, walked, tmp_path):
     run_grid(grid, tmp_path, 1)
     run_grid(dataclasses.replace(grid, replicas=4), tmp_path, 1)

@@ -2,17 +2,23 @@
 
 import json
 import re
+import shlex
+import shutil
+import signal
 import subprocess
 import sys
+import time
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from drake_gait.cli import optimize
 from drake_gait.cli import sweep as command
 from drake_gait.cli.sweep import main, parse
 from drake_gait.errors import SettingsError
 from drake_gait.foot import N_MM_PER_DEG
+from drake_gait.study._lock import driver_lock, is_driven
 from drake_gait.sweep.results import read_row, summaries, table, write_results
 from drake_gait.sweep.settings import read_sweep
 
@@ -88,6 +94,13 @@ def test_a_variant_changes_what_it_says_and_nothing_else(write):
         ("[0, 7]", "[]", r"different whole numbers >= 0, got \[\]"),
         ("[0, 7]", "[true]", r"whole numbers >= 0, got \[True\]"),
         ("[variants.rigid]", '[variants."../rigid"]', "must do as a folder's name"),
+        ("[variants.rigid]", '[variants."a\\u0007b"]', "must do as a folder's name"),
+        ("[variants.rigid]", '[variants.""]', "must do as a folder's name"),
+        ("[variants.rigid]", f"[variants.{'x' * 300}]", "200 bytes at most.*'xxx.* of 300"),
+        ("[variants.rigid]", f"[variants.'{'ä' * 101}']", "200 bytes at most.* of 202"),
+        ("[variants.rigid]", "[variants.TOES]", "folder of variant 'TOES' could be that of toes"),
+        ("[variants.rigid]", '[variants."sweep.json"]', "could be that of the sweep's sweep.json"),
+        ("[variants.rigid]", "[variants.toes]", "is not TOML"),
         ("foot.rigid_toes", "foot.stiff_toes", r"no key of \[foot\] is called 'stiff_toes'"),
         ("[30, 50]", "[30, 60]", r"big_toe_width must rise and lie in 0\.008 to 0\.05 m"),
         ("search.samples = 22", "search = 22", r"\[variants.wide.search\] must be a section"),
@@ -182,12 +195,36 @@ def test_a_grid_s_gaits_may_be_those_of_results(write, tmp_path):
         ("[1e-4, 1e-3]", "[1e-4, 1]", "toe_damping must lie in"),
         ("[grid]", "[variants.toes]\n[grid]", "either"),
         ("[grid]", "seeds = [1]\n[grid]", "no sweep.seeds"),
+        ("replicas = 2", "replicas = 1", "grid.replicas = 1 .*no scatter"),
+        ("replicas = 2\nnoise_deg = 0.05", "", "grid.replicas = 1 .*no scatter"),
+        ("noise_deg = 0.05", "noise_deg = 0", "grid.replicas = 2 with grid.noise_deg = 0"),
+        ("noise_deg = 0.05", "", "grid.replicas = 2 with grid.noise_deg = 0"),
+        ("[1e-4, 1e-3]", "[1e-3, 1e-3]", "toe_damping_n_m_s_per_rad.*0.001 twice"),
+        ("[1e-4, 1e-3]", "[1e-3]", "two or more"),
+        ('name = "stiffness"', 'name = "toe_damping_n_m_s_per_rad"', "both axes .* are called"),
+        ("coefficients_deg = [", "coefficients_deg = 3#", "grid.coefficients_deg .*got 3"),
+        ("replicas = 2", "replicas = 2\nresults = 'a.json'", "grid.results must be a list"),
+        ("replicas = 2", "replicas = 2\nresults = [1]", "grid.results must be a list"),
     ],
 )
 def test_a_grid_that_cannot_be_used_is_refused(write, old, new, complaint):
     assert old in GRID
     with pytest.raises(SettingsError, match=complaint):
         read_sweep(write(GRID.replace(old, new)))
+
+
+def test_levels_may_share_one_of_their_keys(write):
+    grid = read_sweep(write(GRID.replace("[0.1, 0.2, 0.4]", "[0.1, 0.1, 0.4]"))).grid
+    assert len({foot for row in grid.feet for foot in row}) == 6
+
+
+def test_gaits_without_noise_are_walked_once_each_and_must_differ(write):
+    once = GRID.replace("replicas = 2\nnoise_deg = 0.05\n", "")
+    gait = once.split("coefficients_deg = [")[1].split("]]]")[0] + "]]"
+    other = once.replace(gait, f"{gait}, {gait.replace('15', '14')}")
+    assert len(read_sweep(write(other)).grid.gaits) == 2
+    with pytest.raises(SettingsError, match="twice"):
+        read_sweep(write(once.replace(gait, f"{gait}, {gait}")))
 
 
 # --- The table ------------------------------------------------------------------------------------
@@ -257,6 +294,20 @@ def test_a_variant_s_numbers_are_of_its_feasible_walks_only(rows):
     assert rigid.p_values["furthest_mm"] == rigid.p_values["robust_mm"] == pytest.approx(2 / 3)
 
 
+@pytest.mark.parametrize("distances", [{"toes": [300.0], "rigid": [310.0]},
+                                       {"toes": [300.0, 300.0], "rigid": [300.0, 300.0]},
+                                       {"toes": [300.0, 310.0], "rigid": [305.0]}])  # fmt: skip
+def test_where_a_test_can_tell_nothing_there_is_no_probability(distances):
+    rows = [
+        {"variant": name, "feasible_count": 1, "winner": 1, "furthest_mm": one, "robust_mm": one}
+        for name, found in distances.items()
+        for one in found
+    ]
+    toes, rigid = found = summaries(rows, ("toes", "rigid"))
+    assert toes.p_values == rigid.p_values == {}
+    assert re.search(r"rigid .* - +-$", table(found))
+
+
 def test_the_table_has_a_line_for_each_variant(rows):
     lines = table(summaries(rows, ("toes", "rigid", "wide"))).split("\n")
     assert len(lines) == 4
@@ -290,7 +341,7 @@ def pretended(monkeypatch):
     """Studies that take no time; which were started, and the most at once."""
     started = []
 
-    def start(sweep, study, out):
+    def start(sweep, study, out, lifeline):
         folder = study.folder(out)
         folder.mkdir(parents=True)
         (folder / "result.json").write_text(json.dumps(result(100.0 + len(started))))
@@ -328,7 +379,7 @@ def test_the_command_runs_every_study_once_and_goes_on_where_it_was(
 def test_ctrl_c_stops_the_studies_that_run(write, tmp_path, capsys, monkeypatch):
     running = []
 
-    def start(sweep, study, out):
+    def start(sweep, study, out, lifeline):
         running.append(subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"],
                                         stderr=subprocess.DEVNULL))  # fmt: skip
         return running[-1]
@@ -352,6 +403,145 @@ def test_a_study_that_is_refused_ends_the_sweep_with_its_reason(write, tmp_path,
         r"error: .*toes/seed-0 ended with status 2.*'no robot description 'none\.sdf'", error
     )
     assert error.count("\n") == 1
+
+
+@pytest.fixture
+def finished(monkeypatch):
+    """Takes studies with a report and a result that can be read as finished."""
+    monkeypatch.setattr(command, "is_finished", lambda settings, folder: folder.exists())
+
+
+@pytest.mark.parametrize("damage", ["", "{", "[]", "null", '{"feasible_count": 1}', None])
+def test_a_study_whose_result_is_damaged_or_gone_is_run_again(write, tmp_path, finished, damage):
+    sweep = read_sweep(write(SWEEP))
+    put(sweep, tmp_path, {(one.variant, one.seed): result(300.0) for one in sweep.studies})
+    for study in sweep.studies:
+        (study.folder(tmp_path) / "report.html").touch()
+        assert command._has_result(study, tmp_path)
+    study = sweep.studies[0]
+    path = study.folder(tmp_path) / "result.json"
+    path.unlink() if damage is None else path.write_text(damage)
+    assert not command._has_result(study, tmp_path)
+
+
+def test_a_study_without_its_report_is_run_again(write, tmp_path, finished):
+    sweep = read_sweep(write(SWEEP))
+    put(sweep, tmp_path, {(one.variant, one.seed): result(300.0) for one in sweep.studies})
+    assert not command._has_result(sweep.studies[0], tmp_path)
+
+
+def test_more_seeds_go_on_with_a_sweep(write, tmp_path, pretended):
+    arguments = ["--workers", "2", "--out", str(tmp_path / "out")]
+    assert main([str(write(SWEEP)), *arguments]) == 0
+    del pretended[:]
+    assert main([str(write(SWEEP.replace("[0, 7]", "[0, 3, 7]"))), *arguments]) == 0
+    assert sorted(pretended) == [("rigid", 3), ("toes", 3), ("wide", 3)]
+    content = json.loads((tmp_path / "out" / "sweep.json").read_text())
+    assert len(content["studies"]) == 9
+
+
+def test_a_variant_that_is_removed_is_in_no_file_and_its_studies_stay(write, tmp_path, pretended):
+    arguments = ["--workers", "2", "--out", str(tmp_path / "out")]
+    assert main([str(write(SWEEP)), *arguments]) == 0
+    fewer = SWEEP.replace("[variants.rigid]\nfoot.rigid_toes = true\n", "")
+    (tmp_path / "out" / "sweep.json").write_text("{")  # It is written, never read.
+    assert main([str(write(fewer)), *arguments]) == 0
+    content = json.loads((tmp_path / "out" / "sweep.json").read_text())
+    assert {row["variant"] for row in content["studies"]} == {"toes", "wide"}
+    assert (tmp_path / "out" / "rigid" / "seed-0" / "result.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("child", "complaint"),
+    [
+        ("import os; os.kill(os.getpid(), 9)", "ended by SIGKILL.*memory.*said nothing"),
+        ("import os; os.kill(os.getpid(), 11)", "ended by SIGSEGV.*said nothing"),
+        ("import os; os.kill(os.getpid(), 40)", "ended by signal 40.*said nothing"),
+        ("raise SystemExit(3)", "ended with status 3.*said nothing"),
+        ("print('so far', end='\\n\\n\\n'); 1 / 0", "status 1.*said 'ZeroDivisionError"),
+        ("import shutil, sys; shutil.rmtree(sys.argv[1]); exit(2)", "log.txt cannot be read"),
+    ],
+)
+def test_a_study_that_ends_early_is_named_with_how_and_what_runs_it_alone(
+    write, tmp_path, capsys, monkeypatch, child, complaint
+):
+    def start(sweep, study, out, lifeline):
+        folder = study.folder(out)
+        folder.mkdir(parents=True, exist_ok=True)
+        with (folder / "log.txt").open("wb") as log:
+            return subprocess.Popen([sys.executable, "-c", child, folder], stdout=log, stderr=log)
+
+    monkeypatch.setattr(command, "_start", start)
+    arguments = [str(write(SWEEP)), "--workers", "1", "--out", str(tmp_path / "out")]
+    assert main(arguments) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert re.match(f"error: the study in .*toes/seed-0.*{complaint}", error)
+    alone = shlex.split(error.partition("alone: ")[2])
+    assert alone[:3] == ["python", "-m", "drake_gait.optimize"]
+    options = optimize.parse(alone[3:])
+    assert options.out == tmp_path / "out" / "toes" / "seed-0"
+    planned = read_sweep(write(SWEEP)).studies[0].settings
+    assert options.settings().description() == planned.description()
+
+
+def test_two_sweeps_do_not_share_a_folder(write, tmp_path, capsys, pretended):
+    out = tmp_path / "out"
+    with driver_lock(out / "sweep"):
+        for text in (SWEEP, GRID):
+            assert main([str(write(text)), "--workers", "1", "--out", str(out)]) == 2
+            assert f"another process is working on {out}" in capsys.readouterr().err
+    assert pretended == []
+
+
+SMALL = SWEEP.replace("[0, 7]", "[0]").split("[variants.rigid]")[0]
+
+
+def studies_that_run(out):
+    """Processes that work on a study of a sweep's folder."""
+    listed = subprocess.run(
+        ["ps", "-ww", "-eo", "pid,args"], check=True, stdout=subprocess.PIPE, text=True
+    )
+    lines = [line for line in listed.stdout.splitlines() if f"--out {out}/" in line]
+    return [int(line.split()[0]) for line in lines]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGHUP])
+def test_a_sweep_that_is_ended_leaves_no_study_and_the_same_command_goes_on(
+    write, tmp_path, number
+):
+    out = tmp_path / "out"
+    arguments = [sys.executable, "-m", "drake_gait", "sweep", str(write(SMALL)), "--out", str(out)]
+    walks = out / "toes" / "seed-0" / "study.db"
+
+    def begun():
+        """The sweep, when its study is under way in a process that was not there before."""
+        before = studies_that_run(out)
+        sweep = subprocess.Popen(arguments, stdout=subprocess.DEVNULL)
+        while not (set(studies_that_run(out)) - set(before) and is_driven(walks)):
+            assert sweep.poll() is None
+            time.sleep(0.1)
+        return sweep
+
+    for sent in (number, signal.SIGKILL):
+        sweep = begun()
+        sweep.send_signal(sent)
+        sweep.wait()
+    while studies_that_run(out):
+        time.sleep(0.1)
+
+
+@pytest.mark.slow
+def test_a_base_that_is_changed_under_a_sweep_is_named(write, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main([str(write(SMALL)), "--out", str(out)]) == 0
+    changed = SMALL.replace("search.samples = 20", "search.samples = 18")
+    assert main([str(write(changed)), "--out", str(out)]) == 2
+    error = capsys.readouterr().err
+    assert re.search(r"toes/seed-0.*search\.samples = 20, not 18.*--out", error)
+    shutil.rmtree(out / "toes" / "seed-0")
+    assert main([str(write(changed)), "--out", str(out)]) == 0
 
 
 @pytest.mark.slow
