@@ -36,6 +36,15 @@ PLAYS = (
     " && viewer.animator.duration > 0"
 )
 
+NO_WEBGL = """{
+    const { getContext } = HTMLCanvasElement.prototype;
+    HTMLCanvasElement.prototype.getContext = function (kind, ...others) {
+        return kind.includes("webgl") ? null : getContext.call(this, kind, ...others);
+    };
+}"""
+FAILING_WEBGL = "HTMLCanvasElement.prototype.getContext = () => { throw new Error('no'); };"
+NO_DECOMPRESSION = "delete window.DecompressionStream;"
+
 in_a_browser = pytest.mark.skipif(CHROMIUM is None, reason="needs chromium on the PATH")
 
 
@@ -56,19 +65,31 @@ class Opened:
 @contextmanager
 def opened(
     address: str, *, width: int = 1000, height: int = 700, scheme: str = "light",
-    offline: bool = True,
+    offline: bool = True, lacking: str = "", scripts: bool = True,
 ) -> Iterator[Opened]:  # fmt: skip
-    """A page in Chromium."""
+    """A page in Chromium.
+
+    Args:
+        address: Its address.
+        width: Of the window [pixel].
+        height: Of the window [pixel].
+        scheme: "light" or "dark".
+        offline: Whether the network is off.
+        lacking: A script that runs before the page's own, and takes something from the browser.
+        scripts: Whether the browser runs scripts.
+    """
     with sync_playwright() as playwright:
         arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
         browser = playwright.chromium.launch(
             executable_path=CHROMIUM, args=arguments, timeout=PATIENCE
         )
         context = browser.new_context(
-            offline=offline, viewport={"width": width, "height": height}, color_scheme=scheme
-        )
+            offline=offline, viewport={"width": width, "height": height}, color_scheme=scheme,
+            java_script_enabled=scripts,
+        )  # fmt: skip
         context.set_default_timeout(PATIENCE)
         context.add_init_script(_COUNT_PARTS)
+        context.add_init_script(lacking)
         seen = Opened(context.new_page())
         seen.page.on("console", lambda message: seen.complaints.append(message.text))
         seen.page.on("pageerror", lambda error: seen.complaints.append(str(error)))

@@ -33,7 +33,8 @@ def test_the_wheel_walks_away_from_the_checkout(tmp_path: Path) -> None:
     site = tmp_path / "site"
     zipfile.ZipFile(wheel).extractall(site)
     assert (site / "drake_gait" / "py.typed").is_file()
-    assert (site / "drake_gait" / "visualization" / "recording_panel.html").is_file()
+    for page in ("recording_panel.html", "recording_guard.html"):
+        assert (site / "drake_gait" / "visualization" / page).is_file()
     subprocess.run(
         [sys.executable, "-c", AWAY_FROM_THE_CHECKOUT, str(site)],
         check=True,

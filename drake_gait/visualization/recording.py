@@ -151,7 +151,10 @@ def _write(meshcat: Meshcat, caption: str, labels: Sequence[dict[str, Any]], pat
 
 
 def _with_panel(page: str, caption: str, labels: Sequence[dict[str, Any]]) -> str:
-    """Add title, caption, legend, labels, pause button and time slider to Meshcat's page."""
+    """Add title, caption, legend, labels, pause button and time slider to Meshcat's page.
+
+    In a browser that cannot draw it, the page is one sentence.
+    """
     title = html.escape(caption)
     panel = (files("drake_gait.visualization") / "recording_panel.html").read_text(encoding="utf-8")
     # No label can end the script that holds it.
@@ -160,6 +163,9 @@ def _with_panel(page: str, caption: str, labels: Sequence[dict[str, Any]]) -> st
         ("scale", f"{1e3 * FORCE_SCALE:g}"), ("labels", listed), ("caption", title)
     ):  # fmt: skip
         panel = panel.replace(f"@{name}@", text)
-    page = page.replace("<title>Drake MeshCat</title>", f"<title>{title}</title>", 1)
+    guard = (files("drake_gait") / "recording_guard.html").read_text(encoding="utf-8")
+    head = f'<title>{title}</title>\n<link rel="icon" href="data:,">'  # A server has no other.
+    page = page.replace("<title>Drake MeshCat</title>", head, 1)
+    page = page.replace("<body>", f"<body>\n{guard}", 1)
     before, closing, after = page.rpartition("</body>")
     return before + panel + closing + after

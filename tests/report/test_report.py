@@ -8,7 +8,15 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from browser import PLAYS, address, in_a_browser, opened
+from browser import (
+    FAILING_WEBGL,
+    NO_DECOMPRESSION,
+    NO_WEBGL,
+    PLAYS,
+    address,
+    in_a_browser,
+    opened,
+)
 
 from drake_gait.cli.report import main
 from drake_gait.errors import GaitError, StudyError
@@ -276,3 +284,60 @@ def test_the_recording_plays_inside_the_report(finished_run):
         assert frame.evaluate("viewer.animator.time") != begin
         assert seen.complaints == []
         assert seen.requests == [address(folder / "report.html")]
+
+
+@pytest.mark.slow
+@in_a_browser
+@pytest.mark.parametrize("lacking", [NO_WEBGL, FAILING_WEBGL, NO_WEBGL + NO_DECOMPRESSION])
+def test_a_report_shows_the_portrait_where_nothing_draws_in_three_dimensions(finished_run, lacking):
+    folder, _ = finished_run
+    with opened(address(folder / "report.html"), lacking=lacking) as seen:
+        seen.page.click("#play")
+        assert "WebGL 2" in seen.page.inner_text("#stage")
+        shown, portrait = (
+            seen.page.get_attribute(f"{where} .portrait", "src") for where in ("#stage", "header")
+        )
+        assert shown == portrait
+        assert seen.page.is_visible("#stage .portrait")
+        assert seen.page.locator("iframe, #play").count() == 0
+        assert seen.complaints == seen.requests == []
+
+
+@pytest.mark.slow
+@in_a_browser
+def test_a_report_says_why_it_cannot_unpack_its_recording_and_links_the_file(finished_run):
+    folder, _ = finished_run
+    with opened(address(folder / "report.html"), lacking=NO_DECOMPRESSION) as seen:
+        seen.page.click("#play")
+        assert "DecompressionStream" in seen.page.inner_text("#stage")
+        seen.page.click("#stage a")
+        seen.page.wait_for_function(PLAYS)
+        assert seen.page.url == address(folder / "walk.html")
+        assert seen.complaints == []
+
+
+@pytest.mark.slow
+@in_a_browser
+@pytest.mark.parametrize("damaged", ["!!!!", "AAAA", None])
+def test_a_report_says_that_its_recording_is_damaged(finished_run, tmp_path, damaged):
+    folder, _ = finished_run
+    before, opening, after = (folder / "report.html").read_text("utf-8").partition('recording">')
+    packed, closing, rest = after.partition("<")
+    packed = packed[:4000] + (damaged + packed[4004:] if damaged else "")
+    (tmp_path / "report.html").write_text(before + opening + packed + closing + rest, "utf-8")
+    with opened(address(tmp_path / "report.html")) as seen:
+        seen.page.click("#play")
+        seen.page.wait_for_selector("#stage a")
+        assert "damaged" in seen.page.inner_text("#stage")
+        assert seen.page.get_attribute("#stage a", "href") == "walk.html"
+        assert seen.page.locator("iframe").count() == 0
+        assert seen.complaints == []
+
+
+@pytest.mark.slow
+@in_a_browser
+def test_a_report_without_scripts_has_no_button_that_does_nothing(finished_run):
+    folder, _ = finished_run
+    with opened(address(folder / "report.html"), scripts=False) as seen:
+        assert not seen.page.is_visible("#play")
+        assert seen.page.is_visible("a[href='walk.html']")

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import PLAYS, address, in_a_browser, opened
+from browser import FAILING_WEBGL, NO_WEBGL, PLAYS, address, in_a_browser, opened
 
 from drake_gait.errors import GaitError, SettingsError
 from drake_gait.gait import Gait
@@ -117,6 +117,47 @@ def test_a_gallery_shares_one_page_and_names_every_walk(
 def test_a_gallery_of_nothing_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SettingsError, match="at least one walk"):
         record_gallery([], tmp_path / "gallery.html")
+
+
+REFUSED = ".walk-refused"
+
+
+@pytest.mark.slow
+@in_a_browser
+@pytest.mark.parametrize("lacking", [NO_WEBGL, FAILING_WEBGL])
+def test_a_recording_is_one_sentence_where_nothing_draws_in_three_dimensions(
+    page: Path, lacking: str
+) -> None:
+    with opened(address(page), lacking=lacking) as seen:
+        said = seen.page.inner_text("body")
+        assert "WebGL 2" in said
+        assert said == seen.page.inner_text(REFUSED)
+        assert said.count(".") == 1
+        assert seen.complaints == seen.requests == []
+
+
+@pytest.mark.slow
+@in_a_browser
+def test_a_recording_is_one_sentence_without_scripts(page: Path) -> None:
+    with opened(address(page), scripts=False) as seen:
+        visible = [text for text in seen.page.locator("body > *").all() if text.is_visible()]
+        (said,) = (text.inner_text() for text in visible)
+        assert "scripts" in said
+        assert "WebGL" not in said
+
+
+@pytest.mark.slow
+@in_a_browser
+def test_a_recording_says_when_its_drawing_is_lost_and_not_when_it_is_back(page: Path) -> None:
+    lose = "viewer.renderer.getContext().getExtension('WEBGL_lose_context')"
+    with opened(address(page)) as seen:
+        seen.page.wait_for_function(PLAYS)
+        assert not seen.page.is_visible("#walk-lost")
+        seen.page.evaluate(f"window.switch = {lose}, window.switch.loseContext()")
+        seen.page.wait_for_selector("#walk-lost", state="visible")
+        assert "reload" in seen.page.inner_text("#walk-lost")
+        seen.page.evaluate("window.switch.restoreContext()")
+        seen.page.wait_for_selector("#walk-lost", state="hidden")
 
 
 RESTS = "document.querySelector('#walk-panel button').textContent === 'Play'"
