@@ -130,7 +130,7 @@ def _run_studies(sweep: Sweep, out: Path, workers: int) -> None:
 
 
 def _has_result(study: PlannedStudy, out: Path) -> bool:
-    """Whether a study is at its end and its report is written."""
+    """Return whether a study is at its end and its report is written."""
     folder = study.folder(out)
     if not is_finished(study.settings, folder) or not (folder / "report.html").exists():
         return False
@@ -152,7 +152,7 @@ def _wait_for_another(folder: Path) -> None:
 def _start(
     sweep: Sweep, study: PlannedStudy, out: Path, lifeline: Lifeline
 ) -> subprocess.Popen[bytes]:
-    """A process that runs one study with one worker, its output in log.txt."""
+    """Start a process that runs one study with one worker, its output in log.txt."""
     folder = study.folder(out)
     command = lifeline.command("drake_gait.optimize", _arguments(sweep, study, out))
     try:
@@ -173,7 +173,7 @@ def _start(
 
 
 def _arguments(sweep: Sweep, study: PlannedStudy, out: Path) -> list[str]:
-    """What `optimize` is told."""
+    """Return the arguments of `optimize` that run a study."""
     folder = study.folder(out)
     settings = [
         f"{section}.{key}={json.dumps(value)}" for (section, key), value in study.overrides.items()
@@ -194,7 +194,7 @@ def _stop(processes: Sequence[subprocess.Popen[bytes]]) -> None:
 
 
 def _why_it_stopped(sweep: Sweep, study: PlannedStudy, out: Path, status: int) -> str:
-    """How a study ended, what it said last, and how to repeat it alone."""
+    """Say how a study ended, its last words, and the command that runs it alone."""
     folder = study.folder(out)
     alone = shlex.join(["python", "-m", "drake_gait.optimize", *_arguments(sweep, study, out)])
     how = f"ended with status {status}"
@@ -210,7 +210,7 @@ def _why_it_stopped(sweep: Sweep, study: PlannedStudy, out: Path, status: int) -
 
 
 def _last_words(log: Path) -> str:
-    """What a study said last."""
+    """Return the end of a sentence that quotes the last line of a log."""
     try:
         text = log.read_text(encoding="utf-8", errors="replace")
     except OSError as error:

@@ -19,7 +19,7 @@ GRACE = 10.0
 
 
 class Lifeline:
-    """What ties processes to this one: `with Lifeline() as lifeline`.
+    """A tie of other processes to this one: `with Lifeline() as lifeline`.
 
     A process that is started inside ends, as at SIGTERM, when the block is left or this process
     ends. It needs `lifeline.command(...)` as its command and `lifeline.descriptor` in `pass_fds`.

@@ -119,7 +119,7 @@ def _claim(grid: Grid, path: Path) -> None:
 
 
 def _known(path: Path) -> dict[Place, Mapping[str, Any]]:
-    """The walks in grid.csv. Lines that are cut off or damaged are dropped, and walked again."""
+    """Return the walks in grid.csv. Damaged lines are dropped, to be walked again."""
     rows: dict[Place, Mapping[str, Any]] = {}
     before = path.read_text(encoding="utf-8", errors="replace") if path.exists() else ""
     whole = [",".join(_COLUMNS)]
@@ -136,7 +136,7 @@ def _known(path: Path) -> dict[Place, Mapping[str, Any]]:
 
 
 def _from_line(line: str) -> tuple[Place, Mapping[str, Any]] | None:
-    """The place and the walk of a line of grid.csv; None if it is none."""
+    """Return the place and the walk of a line of grid.csv; None if it is none."""
     try:
         first, second, gait, replica, outcome, *numbers = line.split(",")
         place = int(first), int(second), int(gait), int(replica)
@@ -201,11 +201,18 @@ def _effects(
     distance: FloatArray, first: FloatArray, second: FloatArray, gait: FloatArray,
     names: Sequence[str],
 ) -> tuple[Sequence[Effect], str | None]:  # fmt: skip
-    """The analysis of variance, or why there is none."""
+    """Return the analysis of variance, or a sentence that says why there is none."""
     try:
         return two_way(distance, first, second, gait, names), None
-    except SettingsError as error:
-        return (), f"no analysis of variance of the walks that survived: {error}"
+    except SettingsError:
+        return (), (
+            f"no analysis of variance: the {len(distance)} walks that survived leave no scatter "
+            "between walks of one gait on one foot"
+        )
+
+
+def _cell(value: float, width: int) -> str:
+    return f"{'-':>{width}}" if np.isnan(value) else f"{value:{width}.1f}"
 
 
 def _label(level: Mapping[str, float]) -> str:
@@ -236,7 +243,7 @@ def _cells(
     width = max(9, *(len(label) + 1 for label in labels[1]))
     lines.append(" " * 18 + "".join(f"{label:>{width}}" for label in labels[1]))
     for label, row in zip(labels[0], mean, strict=True):
-        lines.append(f"{label:>18}" + "".join(f"{value:{width}.1f}" for value in row))
+        lines.append(f"{label:>18}" + "".join(_cell(value, width) for value in row))
     if not np.isfinite(ranked).any():
         lines.append("furthest: none, as on no foot half of the walks survived")
         return "\n".join(lines) + "\n"

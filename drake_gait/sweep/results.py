@@ -159,7 +159,7 @@ def _spread(values: Sequence[float]) -> Spread:
 
 
 def _p_value(values: Sequence[float], others: Sequence[float]) -> float | None:
-    """Probability that the test gives; None where it can tell nothing: one seed, or no scatter."""
+    """Return the test's probability; None where it tells nothing: one seed, or no scatter."""
     if min(len(values), len(others)) < 2 or len({*values, *others}) < 2:
         return None
     return float(stats.mannwhitneyu(values, others, alternative="two-sided").pvalue)

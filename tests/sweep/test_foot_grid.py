@@ -168,9 +168,10 @@ def test_where_too_few_walks_survive_the_analysis_alone_is_left_out(
     text = run_grid(grid, tmp_path, 1)
     content = json.loads((tmp_path / "anova.json").read_text(), parse_constant=pytest.fail)
     assert (content["walks"], content["survivors"], content["effects"]) == (36, survivors, [])
-    assert f"got {survivors}" in content["no_effects_because"]
+    assert f"the {survivors} walks" in content["no_effects_because"]
     assert content["no_effects_because"] in text
     assert "furthest: none" in text
+    assert "nan" not in text
     assert (tmp_path / "grid.png").stat().st_size > 0
 
 
