@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from drake_gait.errors import SettingsError
+from drake_gait.optimizers._scipy_forms import Pairs, numbers, pairs
 
 Array = NDArray[np.float64]
 
@@ -15,11 +16,13 @@ class Box:
     one keep their meaning.
 
     Args:
-        bounds: Lower and upper bound of every variable, shape (d, 2).
-        integrality: Which variables are whole numbers, shape (d,); none if not given.
+        bounds: Lower and upper bound of every variable, shape (d, 2), as an array, an iterable of
+            pairs or scipy's `Bounds`.
+        integrality: Which variables are whole numbers, shape (d,), or one truth for all; none if
+            not given.
 
     Attributes:
-        bounds: As given, shape (d, 2).
+        bounds: Shape (d, 2).
         integrality: Shape (d,).
         lower: Least value of every variable before rounding, shape (d,).
         upper: Largest value of every variable before rounding, shape (d,).
@@ -28,7 +31,7 @@ class Box:
         SettingsError: A bound is infinite or missing, or no number lies between two.
     """
 
-    def __init__(self, bounds: ArrayLike, integrality: ArrayLike | None = None) -> None:
+    def __init__(self, bounds: Pairs, integrality: ArrayLike | None = None) -> None:
         self.bounds = _checked_bounds(bounds)
         self.integrality = _checked_integrality(integrality, self.bounds)
         self._mixed = bool(self.integrality.any())
@@ -66,7 +69,7 @@ class Box:
         Raises:
             SettingsError: The shape is another, k is above `most`, or a point is outside.
         """
-        points = np.asarray(initial, dtype=np.float64)
+        points = numbers("initial", initial)
         d = len(self.bounds)
         if points.ndim != 2 or points.shape[1] != d or len(points) > most:
             raise SettingsError(
@@ -77,8 +80,8 @@ class Box:
         return points
 
 
-def _checked_bounds(bounds: ArrayLike) -> Array:
-    box = np.array(bounds, dtype=np.float64)
+def _checked_bounds(bounds: Pairs) -> Array:
+    box = pairs(bounds)
     if box.ndim != 2 or box.shape[1] != 2 or len(box) == 0:
         raise SettingsError(f"bounds must be (d, 2) in shape with d > 0, got {box.shape}")
     for i, (lower, upper) in enumerate(box.tolist()):
@@ -91,6 +94,7 @@ def _checked_integrality(integrality: ArrayLike | None, bounds: Array) -> NDArra
     whole = np.zeros(len(bounds), np.bool_)
     if integrality is not None:
         whole = np.array(integrality, dtype=np.bool_)
+        whole = np.full(len(bounds), whole) if whole.ndim == 0 else whole
     if whole.shape != (len(bounds),):
         raise SettingsError(f"integrality must be ({len(bounds)},) in shape, got {whole.shape}")
     for i in np.flatnonzero(whole & (np.ceil(bounds[:, 0]) > np.floor(bounds[:, 1]))):
