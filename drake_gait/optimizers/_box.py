@@ -3,8 +3,9 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from drake_gait.arrays import numbers
 from drake_gait.errors import SettingsError
-from drake_gait.optimizers._scipy_forms import Pairs, numbers, pairs
+from drake_gait.optimizers._scipy_forms import Pairs, pairs
 
 Array = NDArray[np.float64]
 

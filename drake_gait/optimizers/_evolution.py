@@ -9,11 +9,12 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from drake_gait.arrays import numbers, whole_number
 from drake_gait.errors import SettingsError
 from drake_gait.optimizers import _selection as selection
 from drake_gait.optimizers import _variation as variation
 from drake_gait.optimizers._box import Box
-from drake_gait.optimizers._scipy_forms import Pairs, numbers, seed_number, whole_number
+from drake_gait.optimizers._scipy_forms import Pairs, seed_number
 
 Array = NDArray[np.float64]
 

@@ -1,10 +1,9 @@
-"""The forms in which scipy's optimisers take numbers, seeds, constraints and callbacks.
+"""The forms in which scipy's optimisers take bounds, seeds, constraints and callbacks.
 
 Whoever calls `scipy.optimize.differential_evolution` can hand the same ones to ISADE.
 """
 
 import inspect
-import operator
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeAlias
 
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import Bounds, LinearConstraint, NonlinearConstraint, OptimizeResult
 
+from drake_gait.arrays import numbers, whole_number
 from drake_gait.errors import SettingsError
 
 Array = NDArray[np.float64]
@@ -24,42 +24,6 @@ Constraint: TypeAlias = (
 
 _CONVERGED = 0.01
 """Scatter of the costs over their mean at which scipy's convergence is 1: its own default."""
-
-
-def numbers(name: str, values: Any) -> Array:
-    """A copy of real numbers as an array, from an array, a sequence, an iterator or a scalar.
-
-    Raises:
-        SettingsError: They are no real numbers, or do not fill an array.
-    """
-    if isinstance(values, Iterable) and not hasattr(values, "__array__"):
-        values = values if isinstance(values, str | bytes) else list(values)
-    try:
-        found = np.asarray(values)
-        if found.dtype.kind == "O":
-            real = [float(value) for value in found.ravel().tolist()]
-            return np.array(real, dtype=np.float64).reshape(found.shape)
-    except (TypeError, ValueError, RuntimeError) as error:
-        raise SettingsError(f"{name} must be real numbers: {error}") from None
-    if found.dtype.kind not in "biuf":
-        raise SettingsError(f"{name} must be real numbers, got {values!r:.80}")
-    return found.astype(np.float64)
-
-
-def whole_number(name: str, value: Any, least: int) -> int:
-    """A whole number as an int; 1e4 is one.
-
-    Raises:
-        SettingsError: It is none, or is below `least`.
-    """
-    try:
-        number = operator.index(value)
-    except TypeError:
-        real = isinstance(value, float | np.floating) and float(value).is_integer()
-        number = int(value) if real else least - 1
-    if number < least:
-        raise SettingsError(f"{name} must be a whole number of at least {least}, got {value}")
-    return number
 
 
 def pairs(bounds: Pairs) -> Array:

@@ -10,6 +10,7 @@ docs/experiments/2026-11-22-isade-choices.md has the choice of every constant.
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from drake_gait.arrays import numbers
 from drake_gait.errors import SettingsError
 
 Array = NDArray[np.float64]
@@ -30,7 +31,7 @@ def violations_of(constraints: ArrayLike | None, n: int, m: int | None) -> Array
     Raises:
         SettingsError: The shape is another.
     """
-    raw = np.empty((n, 0)) if constraints is None else np.asarray(constraints, np.float64)
+    raw = np.empty((n, 0)) if constraints is None else numbers("violations", constraints)
     violations = np.where(np.isnan(raw), np.inf, np.maximum(raw, 0.0))
     if violations.ndim == 1:
         violations = violations[:, None]

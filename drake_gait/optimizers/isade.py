@@ -23,19 +23,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import OptimizeResult
 
+from drake_gait.arrays import numbers, whole_number
 from drake_gait.errors import SettingsError
 from drake_gait.optimizers import _variation as variation
 from drake_gait.optimizers._box import Box
 from drake_gait.optimizers._evolution import HANDLINGS, VARIANTS, Isade, checked_size, one_of
-from drake_gait.optimizers._scipy_forms import (
-    Constraint,
-    Constraints,
-    Evaluator,
-    Pairs,
-    numbers,
-    teller,
-    whole_number,
-)
+from drake_gait.optimizers._scipy_forms import Constraint, Constraints, Evaluator, Pairs, teller
 
 __all__ = ["HANDLINGS", "VARIANTS", "Isade", "minimize"]
 

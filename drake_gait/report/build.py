@@ -88,7 +88,7 @@ def _learnt(
 ) -> tuple[Surrogate | None, Comparison | None]:
     """The network that all walks of the study give, and its baselines, if enough survived."""
     x, outputs, survived = training_data(walks, settings.space, settings.outputs)
-    if survived.sum() < surrogate.FEWEST_SURVIVORS:
+    if surrogate.learnable(outputs, survived).sum() < surrogate.FEWEST_SURVIVORS:
         return None, None
     network = surrogate.fit(x, outputs, survived, seed=settings.seed)
     return network, compare(network, x, outputs, survived, seed=settings.seed)

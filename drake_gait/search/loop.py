@@ -18,6 +18,7 @@ from drake_gait.search.runner import Evaluate, Planned, Progress, Runner, pertur
 from drake_gait.study.ranking import Sample, sample
 from drake_gait.study.settings import StudySettings
 from drake_gait.study.store import Study
+from drake_gait.surrogates.arithmetic import single_thread
 from drake_gait.surrogates.ensemble import Network, Prediction, Surrogate
 
 
@@ -109,7 +110,8 @@ class _Run:
         if isinstance(network, Surrogate):
             self._runner.network = network
         known, count = self._samples_before(iteration), len(self._numbers(iteration))
-        return self._proposer.propose(iteration, known, network, count)
+        with single_thread():  # Once, not at each of a thousand predictions.
+            return self._proposer.propose(iteration, known, network, count)
 
     def planned(self, iteration: int, proposal: Proposal) -> Iterator[Planned]:
         """The walks of a proposal."""

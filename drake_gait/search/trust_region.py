@@ -54,12 +54,11 @@ class TrustRegion:
     def learn(self, iteration: int, known: Sequence[Sample]) -> Surrogate | None:
         """An ensemble of networks of all walks, if enough survived."""
         settings, walks = self._settings, all_walks(known)
-        if sum(walk.walk.survived for walk in walks) < FEWEST_SURVIVORS:
+        x, outputs, survived = training_data(walks, settings.space, settings.outputs)
+        if surrogate.learnable(outputs, survived).sum() < FEWEST_SURVIVORS:
             return None
-        return surrogate.fit(
-            *training_data(walks, settings.space, settings.outputs),
-            seed=seed_of(settings.seed, Purpose.NETWORK, iteration),
-        )
+        seed = seed_of(settings.seed, Purpose.NETWORK, iteration)
+        return surrogate.fit(x, outputs, survived, seed=seed)
 
     def propose(
         self, iteration: int, known: Sequence[Sample], network: Network | None, count: int

@@ -4,11 +4,13 @@ A network that does not beat a straight line is not worth its name, so each is f
 predicts the walks that the network's members predict: each walk is left out with the same fold.
 """
 
+import threading
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
@@ -16,7 +18,16 @@ from sklearn.linear_model import LogisticRegressionCV, RidgeCV
 from sklearn.metrics import roc_auc_score
 
 from drake_gait.gait import FloatArray
-from drake_gait.surrogates.ensemble import BoolArray, IntArray, Surrogate, folds_of, r_squared
+from drake_gait.surrogates.arithmetic import single_thread
+from drake_gait.surrogates.ensemble import (
+    BoolArray,
+    IntArray,
+    Surrogate,
+    checked_walks,
+    folds_of,
+    learnable,
+    r_squared,
+)
 
 Model = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 """Predictions at new points (m, d), shape (m, k), from points (n, d) and their outputs (n, k)."""
@@ -25,6 +36,8 @@ _PENALTIES = np.logspace(-2.0, 5.0, 15)
 _COSTS = np.logspace(-3.0, 2.0, 6)
 _KERNEL_WALKS = 256
 _FEWEST_OF_A_CLASS = 10
+_filters = threading.RLock()
+"""Warnings are filtered for the whole process, by scikit-learn too: one comparison at a time."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,29 +55,36 @@ class Comparison:
 
 
 def compare(
-    network: Surrogate, x: FloatArray, outputs: FloatArray, survived: BoolArray, *, seed: int = 0
+    network: Surrogate, x: ArrayLike, outputs: ArrayLike, survived: ArrayLike, *, seed: int = 0
 ) -> Comparison:
     """Fit the baselines to what a network was fitted to, on its folds.
 
     Args:
         network: What `surrogate.fit` made of the other arguments.
         x: Design vectors, shape (n, d).
-        outputs: What was simulated, shape (n, k); rows of fallen walks are not used.
+        outputs: What was simulated, shape (n, k); rows of fallen walks, or with what is not
+            finite, are not used.
         survived: Whether each walk survived, shape (n,).
         seed: That of the network: it fixes the folds.
+
+    Raises:
+        SettingsError: a shape does not fit, or a number cannot be used.
     """
-    folds = folds_of(len(network.targets), seed)
-    targets, seen = outputs[survived], x[survived]
+    x, outputs, survived = checked_walks(x, outputs, survived)
+    learnt = learnable(outputs, survived)
+    targets, seen = outputs[learnt], x[learnt]
+    folds = folds_of(len(targets), seed)
     logistic_auc = None
-    if min(survived.sum(), (~survived).sum()) >= _FEWEST_OF_A_CLASS:
-        expected = heldout(logistic, x, survived[:, None].astype(float), folds_of(len(x), seed))
-        logistic_auc = area_under_curve(survived, expected[:, 0])
-    return Comparison(
-        ridge=r_squared(targets, heldout(ridge, seen, targets, folds)),
-        kriging=r_squared(targets, heldout(kriging(seen, targets), seen, targets, folds)),
-        network_auc=area_under_curve(survived, network.survival_heldout),
-        logistic_auc=logistic_auc,
-    )
+    with single_thread(), _filters:
+        if min(survived.sum(), (~survived).sum()) >= _FEWEST_OF_A_CLASS:
+            expected = heldout(logistic, x, survived[:, None].astype(float), folds_of(len(x), seed))
+            logistic_auc = area_under_curve(survived, expected[:, 0])
+        return Comparison(
+            ridge=r_squared(targets, heldout(ridge, seen, targets, folds)),
+            kriging=r_squared(targets, heldout(kriging(seen, targets), seen, targets, folds)),
+            network_auc=area_under_curve(survived, network.survival_heldout),
+            logistic_auc=logistic_auc,
+        )
 
 
 def heldout(model: Model, x: FloatArray, outputs: FloatArray, folds: IntArray) -> FloatArray:
@@ -98,7 +118,7 @@ def kriging(x: FloatArray, outputs: FloatArray) -> Model:
     kernels = {}
     for column in np.flatnonzero(varying):
         target = (outputs[chosen, column] - offset[column]) / scale[column]
-        with warnings.catch_warnings():
+        with _filters, warnings.catch_warnings():
             # Of pure noise the best length is the longest: at the bound, as it should be.
             warnings.simplefilter("ignore", ConvergenceWarning)
             kernels[column] = GaussianProcessRegressor(kernel).fit(x[chosen], target).kernel_

@@ -12,10 +12,12 @@ from typing import Protocol
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from drake_gait.arrays import numbers
 from drake_gait.errors import SettingsError
 from drake_gait.gait import FloatArray
+from drake_gait.surrogates.arithmetic import learning, single_thread
 
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
@@ -67,7 +69,12 @@ class _Ensemble:
     ) -> None:
         def weights(rows: int, columns: int) -> torch.Tensor:
             drawn: torch.Tensor = torch.randn(
-                members, rows, columns, generator=generator, dtype=torch.float64
+                members,
+                rows,
+                columns,
+                generator=generator,
+                dtype=torch.float64,
+                device="cpu",
             )
             scaled: torch.Tensor = drawn / rows**0.5
             return scaled.requires_grad_()
@@ -150,13 +157,15 @@ class Surrogate:
         """Design vectors of the walks learnt from, shape (all walks, d)."""
         self.survived = survived
         """Whether each of them survived, shape (all walks,)."""
-        self.targets = outputs[survived]
-        """Outputs of the walks learnt from that survived, shape (n, k)."""
+        self.learnt = learnable(outputs, survived)
+        """Whether each one's outputs were learnt, shape (all walks,)."""
+        self.targets = outputs[self.learnt]
+        """Outputs that were learnt, shape (n, k)."""
         self.heldout = heldout
         """Their prediction by a member that has not seen them, shape (n, k)."""
         self.survival_heldout = survival_heldout
         """Every walk's chance to survive by a member that has not seen it, shape (all walks,)."""
-        self.fitted = self._members(x[survived]).mean(axis=0)
+        self.fitted = self._members(x[self.learnt]).mean(axis=0)
         """Their prediction by the whole ensemble, shape (n, k)."""
         self._residual = (self.targets - heldout).std(axis=0)
 
@@ -170,55 +179,82 @@ class Surrogate:
         """Share of variance explained on walks not seen, shape (k,)."""
         return r_squared(self.targets, self.heldout)
 
-    def predict(self, x: FloatArray) -> Prediction:
-        """Predictions for design vectors, shape (n, d)."""
-        members = self._members(x)
+    def predict(self, x: ArrayLike) -> Prediction:
+        """Predictions for design vectors, shape (n, d).
+
+        Raises:
+            SettingsError: x has another shape, or is no array of real numbers.
+        """
+        points = _points(x, self.x.shape[1])
+        members = self._members(points)
         deviation = np.sqrt(members.var(axis=0) + self._residual**2)
-        survival = np.ones(len(x))
+        survival = np.ones(len(points))
         if self._classifier is not None:
-            with torch.no_grad():
-                logits = self._classifier(torch.from_numpy(np.asarray(x, dtype=float)))
-            survival = torch.sigmoid(logits).mean(dim=0)[:, 0].numpy()
+            with single_thread(), torch.no_grad():
+                logits = self._classifier(torch.from_numpy(points))
+                survival = torch.sigmoid(logits).mean(dim=0)[:, 0].numpy()
         return Prediction(mean=members.mean(axis=0), deviation=deviation, survival=survival)
 
-    def _members(self, x: FloatArray) -> FloatArray:
-        with torch.no_grad():
-            outputs = self._regressor(torch.from_numpy(np.asarray(x, dtype=float))).numpy()
+    def _members(self, points: FloatArray) -> FloatArray:
+        with single_thread(), torch.no_grad():
+            outputs = self._regressor(torch.from_numpy(points)).numpy()
         members: FloatArray = self._offset + self._scale * outputs
         return members
 
 
-def fit(x: FloatArray, outputs: FloatArray, survived: BoolArray, *, seed: int = 0) -> Surrogate:
+def learnable(outputs: FloatArray, survived: BoolArray) -> BoolArray:
+    """Which walks' outputs a network can learn, shape (n,): they survived, and left numbers.
+
+    A walk that went nowhere has no finite cost of transport.
+    """
+    found: BoolArray = survived & np.isfinite(outputs).all(axis=1)
+    return found
+
+
+def fit(x: ArrayLike, outputs: ArrayLike, survived: ArrayLike, *, seed: int = 0) -> Surrogate:
     """Train the network.
 
-    The same walks and seed give the same network on the same machine.
+    The same walks and seed give the same network on the same machine, in any thread, whatever
+    torch's defaults are there.
 
     Args:
         x: Design vectors, shape (n, d).
-        outputs: What was simulated, shape (n, k); rows of fallen walks are not used.
+        outputs: What was simulated, shape (n, k); rows of fallen walks, or with what is not
+            finite, are not used.
         survived: Whether each walk survived, shape (n,).
         seed: Fixes initial weights and folds.
 
     Raises:
-        SettingsError: fewer walks survived than a network can be fitted to.
+        SettingsError: fewer walks can be learnt than a network can be fitted to, or a shape or a
+            number cannot be used.
     """
-    survivors = int(survived.sum())
-    if survivors < FEWEST_SURVIVORS:
+    x, outputs, survived = checked_walks(x, outputs, survived)
+    learnt = learnable(outputs, survived)
+    count = int(learnt.sum())
+    if count < FEWEST_SURVIVORS:
+        endless = int(survived.sum()) - count
+        without = f", {endless} more without finite outputs" if endless else ""
         raise SettingsError(
-            f"{survivors} of {len(x)} walks survived; the network needs {FEWEST_SURVIVORS}: "
+            f"{count} of {len(x)} walks survived{without}; the network needs {FEWEST_SURVIVORS}: "
             "draw more samples, or move the box to gaits that walk"
         )
-    torch.set_num_threads(1)
-    generator = torch.Generator().manual_seed(seed)
-    targets = outputs[survived]
+    with learning():
+        return _fitted(x, outputs, survived, learnt, seed)
+
+
+def _fitted(
+    x: FloatArray, outputs: FloatArray, survived: BoolArray, learnt: BoolArray, seed: int
+) -> Surrogate:
+    generator = torch.Generator(device="cpu").manual_seed(seed)
+    targets, count = outputs[learnt], int(learnt.sum())
     scaling = (targets.mean(axis=0), np.maximum(targets.std(axis=0), 1e-12))
-    x_survived = torch.from_numpy(x[survived])
-    folds = folds_of(survivors, seed)
+    x_learnt = torch.from_numpy(x[learnt])
+    folds = folds_of(count, seed)
     regressor = _Ensemble(x.shape[1], outputs.shape[1], generator)
-    regressor.train(_Loss((targets - scaling[0]) / scaling[1], folds, logistic=False), x_survived)
+    regressor.train(_Loss((targets - scaling[0]) / scaling[1], folds, logistic=False), x_learnt)
 
     classifier, survival_heldout = None, np.ones(len(x))
-    if survivors < len(x):
+    if not survived.all():
         classifier = _Ensemble(x.shape[1], 1, generator)
         labels, leaves_out = survived[:, None].astype(float), folds_of(len(x), seed)
         classifier.train(_Loss(labels, leaves_out, logistic=True), torch.from_numpy(x))
@@ -227,8 +263,8 @@ def fit(x: FloatArray, outputs: FloatArray, survived: BoolArray, *, seed: int = 
         survival_heldout = survival[leaves_out, np.arange(len(x)), 0]
 
     with torch.no_grad():
-        members = regressor(x_survived).numpy()
-    heldout = scaling[0] + scaling[1] * members[folds, np.arange(survivors)]
+        members = regressor(x_learnt).numpy()
+    heldout = scaling[0] + scaling[1] * members[folds, np.arange(count)]
     return Surrogate(
         regressor, classifier, scaling, heldout, survival_heldout, x, outputs, survived
     )
@@ -241,33 +277,86 @@ class SingleNetwork:
         self._network = network
         self._offset, self._scale = scaling
 
-    def predict(self, x: FloatArray) -> Prediction:
-        """Predictions for design vectors, shape (n, d); they admit no doubt."""
-        with torch.no_grad():
-            outputs = self._network(torch.from_numpy(np.asarray(x, dtype=float))).numpy()[0]
+    def predict(self, x: ArrayLike) -> Prediction:
+        """Predictions for design vectors, shape (n, d); they admit no doubt.
+
+        Raises:
+            SettingsError: x has another shape, or is no array of real numbers.
+        """
+        points = _points(x, self._network.hidden.shape[1])
+        with single_thread(), torch.no_grad():
+            outputs = self._network(torch.from_numpy(points)).numpy()[0]
         mean: FloatArray = self._offset + self._scale * outputs
-        return Prediction(mean=mean, deviation=np.zeros_like(mean), survival=np.ones(len(x)))
+        return Prediction(mean=mean, deviation=np.zeros_like(mean), survival=np.ones(len(points)))
 
 
-def fit_single(x: FloatArray, targets: FloatArray, *, seed: int = 0) -> SingleNetwork:
+def fit_single(x: ArrayLike, targets: ArrayLike, *, seed: int = 0) -> SingleNetwork:
     """Train the paper's network of 16 - 20 - k units on all walks, with nothing held out.
 
     Args:
         x: Design vectors, shape (n, d).
         targets: What was simulated, shape (n, k).
         seed: Fixes initial weights.
+
+    Raises:
+        SettingsError: a shape or a number cannot be used.
     """
-    torch.set_num_threads(1)
+    x = numbers("x", x)
+    x, targets, _ = checked_walks(x, targets, np.ones(x.shape[:1]))
+    if not len(x):
+        raise SettingsError("x must have at least one row; a network learns from walks")
+    _refuse_infinite("targets", targets)
     scaling = (targets.mean(axis=0), np.maximum(targets.std(axis=0), 1e-12))
     standard = torch.from_numpy((targets - scaling[0]) / scaling[1])
-    generator = torch.Generator().manual_seed(seed)
-    network = _Ensemble(x.shape[1], targets.shape[1], generator, members=1, units=_PAPER_UNITS)
 
     def loss(outputs: torch.Tensor) -> torch.Tensor:
         return 0.5 * ((outputs - standard) ** 2).mean()  # Eq. 21
 
-    network.train(loss, torch.from_numpy(x), epochs=_PAPER_EPOCHS, weight_decay=0.0)
+    with learning():
+        generator = torch.Generator(device="cpu").manual_seed(seed)
+        network = _Ensemble(x.shape[1], targets.shape[1], generator, members=1, units=_PAPER_UNITS)
+        network.train(loss, torch.from_numpy(x), epochs=_PAPER_EPOCHS, weight_decay=0.0)
     return SingleNetwork(network, scaling)
+
+
+def _points(x: ArrayLike, d: int) -> FloatArray:
+    """Design vectors as torch takes them, shape (n, d)."""
+    ready = isinstance(x, np.ndarray) and x.dtype == np.float64
+    points = np.require(x, np.float64, ["C", "W"]) if ready else numbers("x", x)
+    if points.ndim != 2 or points.shape[1] != d:
+        raise SettingsError(f"x must be (n, {d}) in shape, got {points.shape}")
+    return points
+
+
+def _refuse_infinite(name: str, array: FloatArray) -> None:
+    if not np.isfinite(array).all():
+        row, column = np.argwhere(~np.isfinite(array))[0]
+        raise SettingsError(
+            f"{name} must be finite, got {array[row, column]} in row {row}, column {column}"
+        )
+
+
+def checked_walks(
+    x: ArrayLike, outputs: ArrayLike, survived: ArrayLike
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Copies of what is learnt from: x (n, d), outputs (n, k), who survived (n,).
+
+    Raises:
+        SettingsError: a shape does not fit, or a number cannot be used.
+    """
+    points, values = numbers("x", x), numbers("outputs", outputs)
+    alive = np.atleast_1d(numbers("survived", survived))
+    for name, array, shape in (("x", points, "(n, d)"), ("outputs", values, "(n, k)")):
+        if array.ndim != 2:
+            raise SettingsError(f"{name} must be {shape} in shape, got {array.shape}")
+    for name, array in (("outputs", values), ("survived", alive)):
+        if len(array) != len(points):
+            raise SettingsError(f"{name} must have a row for each of {len(points)} walks in x, "
+                                f"got {array.shape} in shape")  # fmt: skip
+    if alive.ndim != 1 or not np.isin(alive, (0.0, 1.0)).all():
+        raise SettingsError("survived must be (n,) in shape, each True or False")
+    _refuse_infinite("x", points)
+    return points, values, alive.astype(np.bool_)
 
 
 def folds_of(count: int, seed: int) -> IntArray:

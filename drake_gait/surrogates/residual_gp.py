@@ -5,11 +5,12 @@ are kriged in hundredths of one: so they can be those of walks that it has not y
 """
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.distance import cdist
-from threadpoolctl import threadpool_limits
 
 from drake_gait.gait import FloatArray
-from drake_gait.surrogates.ensemble import BoolArray, Prediction, Surrogate
+from drake_gait.surrogates.arithmetic import single_thread
+from drake_gait.surrogates.ensemble import Prediction, Surrogate, checked_walks, learnable
 
 _LATEST = 200
 _LENGTHS = (0.5, 1.0, 2.0, 4.0, 8.0)
@@ -29,33 +30,37 @@ class KrigedNetwork:
         network: What is corrected. Its errors on walks that it has learnt from are those of
             members that had not seen them.
         x: Design vectors of the walks since then, shape (n, d); n may be 0.
-        outputs: What was simulated, shape (n, k); rows of fallen walks are not used.
+        outputs: What was simulated, shape (n, k); rows of fallen walks, or with what is not
+            finite, are not used.
         survived: Whether each walk survived, shape (n,).
     """
 
     def __init__(
-        self, network: Surrogate, x: FloatArray, outputs: FloatArray, survived: BoolArray
+        self, network: Surrogate, x: ArrayLike, outputs: ArrayLike, survived: ArrayLike
     ) -> None:
-        threadpool_limits(limits=1, user_api="blas")
         self._network = network
-        since = network.predict(x)
-        self._outputs = ErrorProcesses(
-            _latest(network.x[network.survived], x[survived]),
-            _latest(network.targets - network.heldout, (outputs - since.mean)[survived]),
-        )
-        self._survival = ErrorProcesses(
-            _latest(network.x, x),
-            _latest(
-                (network.survived - network.survival_heldout)[:, None],
-                (survived - since.survival)[:, None],
-            ),
-        )
+        x, outputs, survived = checked_walks(x, outputs, survived)
+        since, learnt = network.predict(x), learnable(outputs, survived)
+        with single_thread():
+            self._outputs = ErrorProcesses(
+                _latest(network.x[network.learnt], x[learnt]),
+                _latest(network.targets - network.heldout, (outputs - since.mean)[learnt]),
+            )
+            self._survival = ErrorProcesses(
+                _latest(network.x, x),
+                _latest(
+                    (network.survived - network.survival_heldout)[:, None],
+                    (survived - since.survival)[:, None],
+                ),
+            )
 
-    def predict(self, x: FloatArray) -> Prediction:
+    def predict(self, x: ArrayLike) -> Prediction:
         """Predictions for design vectors, shape (n, d)."""
-        expected = self._network.predict(x)
-        error, deviation = self._outputs.predict(x)
-        survival = expected.survival + self._survival.predict(x)[0][:, 0]
+        with single_thread():
+            expected = self._network.predict(x)
+            x = np.asarray(x, dtype=np.float64)
+            error, deviation = self._outputs.predict(x)
+            survival = expected.survival + self._survival.predict(x)[0][:, 0]
         return Prediction(
             mean=expected.mean + error,
             deviation=deviation,
