@@ -4,6 +4,7 @@ import atexit
 import os
 import signal
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -29,10 +30,14 @@ def ctrl_c_ends_at_once() -> None:
 
 @contextmanager
 def sigterm_interrupts() -> Iterator[None]:
-    """Inside, SIGTERM raises Terminated in the main thread, which is the one to call this.
+    """Inside, SIGTERM raises Terminated in the main thread.
 
-    From here on Ctrl-C raises KeyboardInterrupt, if it ended the process until now.
+    From here on Ctrl-C raises KeyboardInterrupt, if it ended the process until now. Another thread
+    hears no signals, and leaves them as they are.
     """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
     if signal.getsignal(signal.SIGINT) == signal.SIG_DFL:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     before = signal.signal(signal.SIGTERM, _raise_once)

@@ -13,6 +13,8 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from pydrake.geometry import Meshcat
+
 from drake_gait.errors import GaitError, StudyError
 from drake_gait.provenance import file_sha256
 from drake_gait.report.result import in_words
@@ -24,7 +26,7 @@ from drake_gait.study.records import CONFIRMATIONS, StudyWalk
 from drake_gait.study.settings import StudySettings, study_settings
 from drake_gait.study.store import Study
 from drake_gait.visualization.live import Screen
-from drake_gait.visualization.meshcat import start_meshcat
+from drake_gait.visualization.meshcat import with_meshcat
 from drake_gait.visualization.recording import Exhibit, record, record_gallery
 from drake_gait.walk import Walk, WalkSettings
 
@@ -130,15 +132,18 @@ def _show_side_by_side(options: Options, out: Path) -> None:
 
 def _watch(folder: Path, number: int | None, port: int | None) -> None:
     settings, chosen, as_then = choose(folder, number)
-    meshcat = start_meshcat(port)
-    screen = Screen(meshcat, settings.walk.model, chosen.candidate.foot)
-    print(f"open {meshcat.web_url()} to watch; Ctrl-C ends it", flush=True)
-    while meshcat.GetNumActiveConnections() == 0:
-        time.sleep(0.1)
-    walk = simulate(chosen.candidate, as_then, watch=screen.show)
-    print(f"{settings.name}, walk {chosen.id}: {in_words(walk)}", flush=True)
-    while meshcat.GetNumActiveConnections() > 0:  # until its last reader has gone
-        time.sleep(0.1)
+
+    def play(meshcat: Meshcat) -> None:
+        screen = Screen(meshcat, settings.walk.model, chosen.candidate.foot)
+        print(f"open {meshcat.web_url()} to watch; Ctrl-C ends it", flush=True)
+        while meshcat.GetNumActiveConnections() == 0:
+            time.sleep(0.1)
+        walk = simulate(chosen.candidate, as_then, watch=screen.show)
+        print(f"{settings.name}, walk {chosen.id}: {in_words(walk)}", flush=True)
+        while meshcat.GetNumActiveConnections() > 0:  # until its last reader has gone
+            time.sleep(0.1)
+
+    with_meshcat(play, port)
 
 
 def choose(folder: Path, number: int | None) -> tuple[StudySettings, StudyWalk, WalkSettings]:

@@ -11,20 +11,29 @@ from drake_gait.foot import FootDesign
 from drake_gait.gait import FRAME_TIME, FloatArray
 from drake_gait.servo import Servo
 from drake_gait.simulation.plant import add_robot
-from drake_gait.visualization.meshcat import ROBOT_HEIGHT, draw_ground, place_camera, set_lights
+from drake_gait.visualization.meshcat import (
+    ROBOT_HEIGHT,
+    draw_ground,
+    draws,
+    place_camera,
+    set_lights,
+)
 
 _GROUND = np.array([-0.2, -0.3]), np.array([0.8, 0.3])  # most walks end on it [m]
 
 
 class Screen:
-    """Shows a robot on its ground; `show` is what `simulate` takes as its `watch`."""
+    """Shows a robot on its ground; `show` is what `simulate` takes as its `watch`.
+
+    It belongs to the thread of its Meshcat, `scene.with_meshcat`.
+    """
 
     def __init__(self, meshcat: Meshcat, model: str | Path, foot: FootDesign) -> None:
         builder = DiagramBuilder()
         self._plant, scene_graph = add_robot(builder, model, foot, Servo())
         parameters = MeshcatVisualizerParams(prefix="robot", publish_period=FRAME_TIME)
         MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, parameters)
-        self._diagram = builder.Build()
+        self._diagram = draws(builder.Build())
         self._context = self._diagram.CreateDefaultContext()
         self._begun: float | None = None
         set_lights(meshcat)

@@ -1,10 +1,17 @@
 """What is to be seen of a walk in Meshcat: robot, floor, paths, ground reaction, light, camera."""
 
+import ctypes
+import gc
 import itertools
 import logging
-from collections.abc import Sequence
+import sys
+import threading
+import time
+import traceback
+import weakref
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,7 +27,7 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_gait.errors import GaitError, SettingsError
 from drake_gait.gait import FRAME_TIME, FloatArray
@@ -55,17 +62,60 @@ _ARROW_RADIUS, _ARROW_HEAD = 0.0030, 0.018
 _ARROW_OFFSET = 0.055  # outwards from the ankle, or the leg would hide it [m]
 
 
+_Result = TypeVar("_Result")
+_log_level = threading.Lock()
+_shown = threading.local()
+"""Diagrams that this thread draws in a Meshcat."""
+_PATIENCE = 5.0
+"""How long a Meshcat waits for its diagrams to end, before it is left to the process's end [s]."""
+
+
+def with_meshcat(work: Callable[[Meshcat], _Result], port: int | None = None) -> _Result:
+    """Call a function with a Meshcat that begins and ends here; returns what it returns.
+
+    Drake ends the whole process where a Meshcat is used or destroyed in another thread than the
+    one that made it. Diagrams that draw in it belong to cycles, which Python collects later, in
+    whichever thread it likes. So all that the function made is collected before this returns.
+
+    Args:
+        work: Takes the Meshcat, and keeps nothing that refers to it.
+        port: As for `start_meshcat`.
+
+    Raises:
+        GaitError: the port, or every one of them, is taken.
+    """
+    meshcat = start_meshcat(port)
+    outer, _shown.diagrams = getattr(_shown, "diagrams", None), []
+    try:
+        return work(meshcat)
+    except BaseException as error:
+        _clear_frames(error)
+        raise
+    finally:
+        if _ended(_shown.diagrams) and sys.getrefcount(meshcat) <= _OURS:
+            ctypes.pythonapi.Py_DecRef(ctypes.py_object(meshcat))
+        _shown.diagrams = outer
+        del meshcat
+
+
 def start_meshcat(port: int | None = None) -> Meshcat:
-    """A Meshcat on a port, or on the first free one from 7000 on.
+    """A Meshcat on a port, or on the first free one from 7000 on; use it in this thread only.
+
+    It lasts until the process ends, as no thread but this one could destroy it; `with_meshcat` has
+    one that ends.
 
     Raises:
         GaitError: the port, or every one of them, is taken.
     """
     log = logging.getLogger("drake")
-    level = log.level
-    log.setLevel(logging.WARNING)  # or it invites to an address where nothing is to be seen yet
     try:
-        return Meshcat(MeshcatParams(host="localhost", port=port, show_stats_plot=False))
+        with _log_level:
+            level = log.level
+            log.setLevel(logging.WARNING)  # or it invites to where nothing is to be seen yet
+            try:
+                meshcat = Meshcat(MeshcatParams(host="localhost", port=port, show_stats_plot=False))
+            finally:
+                log.setLevel(level)
     except RuntimeError as error:
         if port is not None:
             raise GaitError(
@@ -75,8 +125,39 @@ def start_meshcat(port: int | None = None) -> Meshcat:
         raise GaitError(
             f"Meshcat found no free port from 7000 to 7999 for a recording: {first_line}"
         ) from None
-    finally:
-        log.setLevel(level)
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(meshcat))
+    return meshcat
+
+
+def draws(diagram: Diagram) -> Diagram:
+    """Note that a diagram draws in a Meshcat of this thread, which must outlive it."""
+    diagrams = getattr(_shown, "diagrams", None)
+    if diagrams is not None:
+        diagrams.append(weakref.ref(diagram))
+    return diagram
+
+
+_OURS = 3
+"""References to a Meshcat of `with_meshcat`: its own, the lasting one, and that of who counts."""
+
+
+def _ended(diagrams: Sequence["weakref.ref[Diagram]"]) -> bool:
+    """Collect diagrams; whether none is left."""
+    deadline = time.monotonic() + _PATIENCE
+    gc.collect()
+    while any(diagram() is not None for diagram in diagrams):
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(0.01)  # Another thread may be collecting.
+        gc.collect()
+    return True
+
+
+def _clear_frames(error: BaseException | None) -> None:
+    """Have an error, and those behind it, hold no variables of the functions that it ended."""
+    while error is not None:
+        traceback.clear_frames(error.__traceback__)
+        error = error.__cause__ or error.__context__
 
 
 def instant(frame: int) -> float:
@@ -110,7 +191,7 @@ def animate_robot(
         meshcat,
         MeshcatVisualizerParams(prefix=f"{prefix}robot", publish_period=FRAME_TIME),
     )
-    diagram = builder.Build()
+    diagram = draws(builder.Build())
     context = diagram.CreateDefaultContext()
     plant_context = plant.GetMyMutableContextFromRoot(context)
     for frame, positions in enumerate(history.positions):

@@ -29,7 +29,7 @@ from drake_gait.visualization.meshcat import (
     floor_extent,
     place_camera,
     set_lights,
-    start_meshcat,
+    with_meshcat,
 )
 from drake_gait.walk import DEFAULT_MODEL, History, Walk
 
@@ -72,11 +72,15 @@ def record(
         GaitError: no port is free for Meshcat, or the file cannot be written.
     """
     history = _history(walk)
-    meshcat = _recording()
-    _show(meshcat, history, candidate, model)
-    lower, upper = floor_extent(history)
-    place_camera(meshcat, [*lower, 0.0], [*upper, ROBOT_HEIGHT])
-    _write(meshcat, caption or "A walk", [], path)
+
+    def draw(meshcat: Meshcat) -> str:
+        _begin(meshcat)
+        _show(meshcat, history, candidate, model)
+        lower, upper = floor_extent(history)
+        place_camera(meshcat, [*lower, 0.0], [*upper, ROBOT_HEIGHT])
+        return _page(meshcat, caption or "A walk", [])
+
+    _write(with_meshcat(draw), path)
 
 
 def record_gallery(exhibits: Sequence[Exhibit], path: Path, *, caption: str = "") -> None:
@@ -96,7 +100,18 @@ def record_gallery(exhibits: Sequence[Exhibit], path: Path, *, caption: str = ""
     if not exhibits:
         raise SettingsError("a gallery needs at least one walk")
     histories = [_history(exhibit.walk) for exhibit in exhibits]
-    meshcat = _recording()
+
+    def draw(meshcat: Meshcat) -> str:
+        return _gallery(meshcat, exhibits, histories, caption or "Walks side by side")
+
+    _write(with_meshcat(draw), path)
+
+
+def _gallery(
+    meshcat: Meshcat, exhibits: Sequence[Exhibit], histories: Sequence[History], caption: str
+) -> str:
+    """Draw walks side by side; returns their page."""
+    _begin(meshcat)
     labels: list[dict[str, Any]] = []
     near, corners = 0.0, []
     for number, (exhibit, history) in enumerate(zip(exhibits, histories, strict=True)):
@@ -112,7 +127,7 @@ def record_gallery(exhibits: Sequence[Exhibit], path: Path, *, caption: str = ""
         near = float(upper[1])
     low, high = np.min(corners, axis=0), np.max(corners, axis=0)
     place_camera(meshcat, [*low, 0.0], [*high, ROBOT_HEIGHT], _GALLERY_VIEW)
-    _write(meshcat, caption or "Walks side by side", labels, path)
+    return _page(meshcat, caption, labels)
 
 
 def _history(walk: Walk) -> History:
@@ -121,11 +136,9 @@ def _history(walk: Walk) -> History:
     return walk.history
 
 
-def _recording() -> Meshcat:
-    meshcat = start_meshcat()  # nothing needs to connect to it
+def _begin(meshcat: Meshcat) -> None:
     meshcat.StartRecording(frames_per_second=1.0 / FRAME_TIME)
     set_lights(meshcat)
-    return meshcat
 
 
 def _show(
@@ -138,12 +151,15 @@ def _show(
     animate_ground_reaction(meshcat, history, prefix)
 
 
-def _write(meshcat: Meshcat, caption: str, labels: Sequence[dict[str, Any]], path: Path) -> None:
+def _page(meshcat: Meshcat, caption: str, labels: Sequence[dict[str, Any]]) -> str:
     animation = meshcat.get_mutable_recording()
     animation.set_loop_mode(MeshcatAnimation.LoopMode.kLoopRepeat)
     animation.set_repetitions(1_000_000)
     meshcat.PublishRecording()
-    page = _with_panel(meshcat.StaticHtml(), caption, labels)
+    return _with_panel(meshcat.StaticHtml(), caption, labels)
+
+
+def _write(page: str, path: Path) -> None:
     try:
         path.write_text(page, encoding="utf-8")
     except OSError as error:

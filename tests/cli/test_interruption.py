@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 
 import pytest
 
@@ -116,3 +117,17 @@ def test_an_interrupted_command_leaves_without_being_taken_down(status, taken_do
     )
     assert ended.returncode == status
     assert ended.stdout == "said, put away, " + taken_down * "taken down"
+
+
+def test_another_thread_hears_no_signals_and_leaves_them_as_they_are():
+    before = signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT)
+    seen = []
+
+    def work():
+        with sigterm_interrupts():
+            seen.append((signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT)))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert seen == [before]

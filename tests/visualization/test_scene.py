@@ -1,3 +1,7 @@
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -42,3 +46,123 @@ def test_grid_lines_are_one_spacing_apart_and_fill_the_rectangle() -> None:
     across_x, across_y = (end - begin)[:2] != 0.0
     np.testing.assert_allclose(begin[0, across_y], [0.0, 0.1])
     np.testing.assert_allclose(begin[1, across_x], [-0.2, -0.1, 0.0, 0.1, 0.2, 0.3], atol=1e-12)
+
+
+IN_THREADS = """
+import asyncio, gc, logging, sys, threading
+from pathlib import Path
+from drake_gait import scene
+from drake_gait.errors import SettingsError
+from drake_gait.foot import FootDesign
+from drake_gait.gait import STANDING
+from drake_gait.visualization.live import Screen
+from drake_gait.problem.problem import Candidate
+from drake_gait.visualization.recording import Exhibit, record, record_gallery
+from drake_gait.simulation import simulate
+
+folder, level = Path(sys.argv[1]), logging.getLogger("drake").level
+candidate = Candidate(gait=STANDING)
+walk = simulate(candidate, history=True)
+ports, kept = [], []
+start = scene.start_meshcat
+
+
+def noted(port=None):
+    meshcat = start(port)
+    ports.append(meshcat.port())
+    return meshcat
+
+
+def recorded(name):
+    record(walk, candidate, folder / name)
+
+
+def shown():
+    def play(meshcat):
+        screen = Screen(meshcat, "khr3hv.sdf", FootDesign())
+        for frame in (0, 1):
+            screen.show(0.02 * frame, walk.history.positions[frame])
+
+    scene.with_meshcat(play)
+
+
+def failed():
+    try:
+        record(walk, candidate, folder / "failed.html", model="khr3hv_rigid.sdf")
+    except Exception as error:
+        kept.append(error)
+
+    def play(meshcat):
+        screen = Screen(meshcat, "khr3hv.sdf", FootDesign())
+        try:
+            screen.show(0.0, walk.history.positions[0][:3])
+        except Exception as error:
+            raise KeyboardInterrupt from error
+
+    try:
+        scene.with_meshcat(play)
+    except KeyboardInterrupt as error:
+        kept.append(error)
+
+
+scene.start_meshcat = noted
+exhibits = [Exhibit(walk=walk, candidate=candidate, label=str(n)) for n in range(2)]
+works = [
+    lambda: recorded("thread.html"), shown, failed,
+    lambda: record_gallery(exhibits, folder / "gallery.html"),
+    lambda: kept.append(start()),  # Nobody but its thread could end it.
+]
+for work in works:
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    gc.collect()
+assert len(set(ports)) == 1, ports  # Each has freed its port: it has ended.
+kept.clear()
+gc.collect()
+
+
+async def together():
+    names = [f"{n}.html" for n in range(3)]
+    recorded("loop.html")
+    await asyncio.gather(*(asyncio.to_thread(recorded, name) for name in names))
+
+
+asyncio.run(together())
+gc.collect()
+pages = {(folder / name).read_text() for name in ("thread.html", "loop.html", "0.html", "2.html")}
+assert len(pages) == 1
+assert logging.getLogger("drake").level == level
+print("ended")
+"""
+
+
+def test_a_meshcat_begins_and_ends_in_whichever_thread_draws(tmp_path: Path) -> None:
+    # Where one ends in another thread, Drake ends the process with SIGABRT.
+    ended = subprocess.run(
+        [sys.executable, "-c", IN_THREADS, str(tmp_path)],
+        check=False,
+        capture_output=True,
+        text=True,
+    )
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "ended\n", "")
+
+
+def test_a_port_is_free_again_after_an_error() -> None:
+    seen = []
+
+    def work(meshcat: object) -> None:
+        seen.append(meshcat.port())  # type: ignore[attr-defined]
+        raise ZeroDivisionError
+
+    for _ in range(2):
+        with pytest.raises(ZeroDivisionError):
+            scene.with_meshcat(work)
+    assert seen[0] == seen[1]
+    assert scene.with_meshcat(lambda meshcat: meshcat.port(), seen[0]) == seen[0]
+
+
+def test_a_meshcat_that_is_kept_lasts() -> None:
+    kept = scene.with_meshcat(lambda meshcat: meshcat)
+    with pytest.raises(GaitError, match=f"port {kept.port()} is taken"):
+        scene.with_meshcat(lambda meshcat: None, kept.port())
