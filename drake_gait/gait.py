@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from drake_gait.arrays import numbers
 from drake_gait.errors import SettingsError
+from drake_gait.servo import TRAVEL
 
 # With any shape: the shapes in Drake's stubs are not tuples.
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
@@ -158,3 +160,32 @@ class Gait:
 
 STANDING = Gait(coefficients=np.zeros((4, 4)))
 """All coefficients zero. Its command still makes the schedule's first and last half step."""
+
+
+def joint_commands(commands: ArrayLike) -> FloatArray:
+    """Commands that servos can follow.
+
+    Args:
+        commands: Joint angles [rad], shape (241, 10), columns as JOINTS, one row a frame.
+
+    Raises:
+        SettingsError: the shape is another, or an angle is not finite or beyond a servo's travel;
+            the text names it, with its frame and joint.
+    """
+    found = numbers("commands", commands)
+    shape = (FRAMES + 1, len(JOINTS))
+    if found.shape != shape:
+        cure = "; transpose them" if found.shape == shape[::-1] else ""
+        raise SettingsError(
+            f"commands must be {shape} in shape, one row a frame from 0 to {FRAMES} and one column "
+            f"a joint as gait.JOINTS, got {found.shape}{cure}"
+        )
+    wrong = ~(np.abs(found) <= TRAVEL)  # What is no number too.
+    if wrong.any():
+        frame, joint = np.argwhere(wrong)[0].tolist()
+        raise SettingsError(
+            f"commands[{frame}, {joint}], of {JOINTS[joint]} in frame {frame}, is "
+            f"{found[frame, joint]:g} rad; a servo turns {TRAVEL:.3f} rad to either side "
+            f"({np.degrees(TRAVEL):g} degrees): give finite radians, as numpy.radians(degrees)"
+        )
+    return found

@@ -1,8 +1,12 @@
 """The position servos of the ten leg joints."""
 
+import math
 from dataclasses import dataclass, fields
 
 from drake_gait.errors import SettingsError
+
+TRAVEL = math.radians(135.0)
+"""How far a servo turns to either side of its middle [rad]: 270 degrees in all, KRS-2552 data."""
 
 
 @dataclass(frozen=True, kw_only=True)

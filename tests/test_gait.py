@@ -20,7 +20,9 @@ from drake_gait.gait import (
     TERMS,
     WAVEFORMS,
     Gait,
+    joint_commands,
 )
+from drake_gait.servo import TRAVEL
 
 WALKING = range(16, 165)
 """Frames at which Eqs. 3-9 command the gait function itself."""
@@ -299,3 +301,61 @@ def test_a_gait_survives_the_way_to_another_process(gait):
     again = pickle.loads(pickle.dumps(gait))
     assert again == gait
     assert (again.commands == gait.commands).all()
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        np.ndarray.tolist,
+        np.asfortranarray,
+        lambda commands: commands[:, ::-1][:, ::-1],
+        lambda commands: iter(commands),
+        lambda commands: commands.astype(object),
+    ],
+)
+def test_commands_of_every_form_are_the_same_numbers(gait, form):
+    assert joint_commands(form(gait.commands)).tolist() == gait.commands.tolist()
+
+
+def test_commands_that_end_at_a_servo_s_stops_can_be_followed():
+    at_the_stops = np.where(np.indices((FRAMES + 1, 10)).sum(axis=0) % 2, TRAVEL, -TRAVEL)
+    assert joint_commands(at_the_stops).tolist() == at_the_stops.tolist()
+    assert not joint_commands(np.zeros((FRAMES + 1, 10), dtype=np.int8)).any()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda c: c[:-1], r"\(241, 10\) in shape, .*got \(240, 10\)$"),
+        (lambda c: c[:, :9], r"got \(241, 9\)$"),
+        (lambda c: c.T, r"got \(10, 241\); transpose them"),
+        (lambda c: c.ravel(), r"got \(2410,\)"),
+        (lambda c: c[None], r"got \(1, 241, 10\)"),
+        (lambda c: 0.0, r"got \(\)"),
+        (lambda c: c.astype(str), "commands must be real numbers"),
+        (lambda c: c + 0j, "commands must be real numbers"),
+        (lambda c: None, "commands must be real numbers"),
+        (lambda c: [[0.0], [0.0, 1.0]], "commands must be real numbers"),
+    ],
+)
+def test_commands_of_another_shape_or_type_are_refused(gait, change, words):
+    with pytest.raises(SettingsError, match=words):
+        joint_commands(change(gait.commands))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 2.36, -90.0])
+@pytest.mark.parametrize(("frame", "joint"), [(0, 0), (77, 3), (240, 9)])
+def test_a_command_that_no_servo_can_follow_is_named(gait, value, frame, joint):
+    commands = gait.commands.copy()
+    commands[frame, joint] = value
+    with pytest.raises(SettingsError) as refused:
+        joint_commands(commands)
+    text = str(refused.value)
+    assert text.startswith(f"commands[{frame}, {joint}], of {JOINTS[joint]}")
+    assert f"is {value:g} rad" in text
+    assert "\n" not in text
+
+
+def test_degrees_in_the_place_of_radians_are_refused_with_the_cure(gait):
+    with pytest.raises(SettingsError, match="radians"):
+        joint_commands(np.degrees(gait.commands))

@@ -9,13 +9,14 @@ from pathlib import Path
 from typing import cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydrake.multibody.cenic import CenicIntegrator
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Context, Diagram
 from pydrake.systems.primitives import VectorLogSink
 
 from drake_gait.foot import FootDesign
-from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray
+from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray, joint_commands
 from drake_gait.problem.problem import Candidate, Trial
 from drake_gait.servo import Servo
 from drake_gait.simulation.observer import Observer
@@ -90,7 +91,7 @@ def walk_trial(trial: Trial) -> Walk:
 
 
 def follow(
-    commands: FloatArray,
+    commands: ArrayLike,
     foot: FootDesign | None = None,
     settings: WalkSettings | None = None,
     *,
@@ -107,8 +108,10 @@ def follow(
         watch: Told of every frame as it is reached.
 
     Raises:
+        SettingsError: the commands have another shape, or one that no servo can follow.
         ModelError: the robot description cannot be used.
     """
+    commands = joint_commands(commands)
     foot, settings = foot or FootDesign(), settings or WalkSettings()
     robot, context = prepare(commands, foot, settings)
     observer = Observer(robot, commands) if history or settings.measures else None

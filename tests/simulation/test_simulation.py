@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import astuple, replace
 from pathlib import Path
 
@@ -297,3 +298,22 @@ def test_on_ice_the_soles_slide_further() -> None:
 def test_a_friction_out_of_range_is_refused(friction: float) -> None:
     with pytest.raises(SettingsError, match=r"friction must be a factor of 0\.05 to 2\.25, got"):
         WalkSettings(friction=friction)
+
+
+def test_commands_that_no_servo_can_follow_are_refused_before_the_walk() -> None:
+    degrees = np.degrees(WALKING.gait.commands)
+    for wrong in (degrees, degrees[:-1], np.full_like(degrees, np.nan)):
+        with pytest.raises(SettingsError, match="commands"):
+            follow(wrong, settings=WalkSettings(model="nowhere.sdf"))
+
+
+def test_commands_as_a_list_are_followed_as_an_array_is() -> None:
+    commands = WALKING.gait.commands
+    assert numbers(follow(commands.tolist())) == numbers(follow(commands))
+
+
+def test_walks_in_threads_have_the_numbers_of_one_after_the_other() -> None:
+    candidates = [WALKING, FALLING, Candidate(gait=STANDING)]
+    with ThreadPoolExecutor(3) as pool:
+        together = list(pool.map(simulate, candidates))
+    assert [numbers(walk) for walk in together] == [numbers(simulate(one)) for one in candidates]
