@@ -70,14 +70,14 @@ def _write_csv(study: Study, file: IO[str]) -> int:
 
 def _to_optuna(study: Study, url: str, name: str | None) -> None:
     try:
-        from drake_gait.report.optuna import export_to_optuna
+        from drake_gait.report.optuna import export_to_optuna, shown
     except ImportError as error:
         raise StudyError(
             f"--optuna needs the extra of this name ({error}): pip install 'drake-gait[optuna]'"
         ) from None
     name = name or study.path.resolve().parent.name
     added, there = export_to_optuna(study, url, name)
-    print(f"{url}, study {name}: {added} walks added, {there} were there")
+    print(f"{shown(url)}, study {name}: {added} walks added, {there} were there")
 
 
 if __name__ == "__main__":

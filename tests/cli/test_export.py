@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 
 from drake_gait.cli.export import main
+from drake_gait.gait import Gait
 from drake_gait.study.ranking import best_walk
+from drake_gait.study.search_settings import SearchSettings
 from drake_gait.study.store import Study
 from drake_gait.walk import Outcome, Walk
 
@@ -241,20 +243,223 @@ def test_another_study_of_the_same_name_is_refused(optuna, run, url, capsys, stu
     assert "another study called mine" in refused(capsys, run, "--optuna", url, "--name", "mine")
 
 
-def test_a_number_that_json_has_not_is_named(optuna, run, url, capsys):
-    connection = sqlite3.connect(run / "study.db")
-    with connection:
-        connection.execute("update walks set predicted_lateral = 9e999 where id = 1")
-    connection.close()
+@pytest.mark.parametrize("own", ["finished", "running", "waiting", "failed", "copied", "numbered"])
+def test_exporting_again_leaves_the_user_s_own_trials(optuna, run, url, capsys, walks, study, own):
     told(capsys, run, "--optuna", url)
-    assert exported(optuna, url).get_trials()[1].user_attrs["predicted_lateral"] == "inf"
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    goal = exported(optuna, url)
+    walked = goal.get_trials()[0]
+    if own == "waiting":
+        goal.enqueue_trial(walked.params)
+    elif own == "copied":
+        goal.enqueue_trial(walked.params, user_attrs=walked.user_attrs)
+    else:
+        trial = goal.ask()
+        for name, distribution in walked.distributions.items():
+            trial.suggest_float(name, distribution.low, distribution.high)
+        if own == "numbered":
+            trial.set_user_attr("id", 7)
+        if own != "running":
+            goal.tell(trial, state=optuna.trial.TrialState.FAIL if own == "failed" else None,
+                      values=None if own == "failed" else 0.3)  # fmt: skip
+    before = goal.get_trials()[4]
+    with Study.open(run, driver=True) as opened:
+        opened.add(dataclasses.replace(walks[1], id=7))
+    assert "1 walks added, 4 were there" in told(capsys, run, "--optuna", url)
+    assert "0 walks added, 5 were there" in told(capsys, run, "--optuna", url)
+    trials = exported(optuna, url).get_trials()
+    assert len(trials) == 6
+    assert trials[4] == before
+    assert trials[5].user_attrs["id"] == 7
+
+
+def test_replicas_beyond_the_search_s_range_are_trials_of_one_range(
+    optuna, study, entry, tmp_path, capsys, url
+):
+    search = SearchSettings(samples=20, simulations=36, batch=4, replicas=4)
+    settings = dataclasses.replace(study, search=search)
+    limits, rng = study.space.limits, np.random.default_rng(0)
+    noise = settings.confirmation.noise
+
+    def noisy(x):
+        candidate = study.space.decode(x)
+        coefficients = candidate.gait.coefficients + noise * rng.standard_normal((4, 4))
+        return dataclasses.replace(candidate, gait=Gait(coefficients=coefficients))
+
+    folder = tmp_path / "one"
+    made_with = {"settings": settings.description(), "model_sha256": "abc"}
+
+    def add(*numbers):
+        with Study.open(folder, driver=True) as opened:
+            for number in numbers:
+                side = limits[:, number % 2]
+                opened.add(dataclasses.replace(entry, id=number, candidate=noisy(side)))
+
+    Study.create(folder / "study.db", made_with).close()
+    add(0, 1, 2)
+    told(capsys, folder, "--optuna", url)
+    add(3, 4, 5)
+    told(capsys, folder, "--optuna", url)
+    trials = exported(optuna, url).get_trials()
+    assert [trial.params for trial in trials] == [
+        {name: row[name] for name in study.space.names} for row in rows_of(folder)
+    ]
+    beyond = study.space.decode(limits[:, 1]).gait.coefficients.ravel()
+    assert any(
+        value > highest
+        for trial in trials
+        for value, highest in zip(trial.params.values(), beyond, strict=False)
+    )
+    space = optuna.search_space.intersection_search_space(trials)
+    assert set(space) == set(study.space.names)
+
+
+def test_a_walk_outside_every_range_is_a_trial_with_its_own_numbers(
+    optuna, run, url, capsys, walks, study
+):
+    far = dataclasses.replace(
+        walks[1], id=9, candidate=study.space.decode(3.0 * study.space.limits[:, 1])
+    )
+    with Study.open(run, driver=True) as opened:
+        opened.add(far)
+    told(capsys, run, "--optuna", url)
+    trials = exported(optuna, url).get_trials()
+    row = rows_of(run)[-1]
+    assert trials[-1].params == {name: row[name] for name in study.space.names}
+    assert set(optuna.search_space.intersection_search_space(trials)) == set(study.space.names)
+
+
+@pytest.mark.parametrize("directions", [["minimize"], ["maximize", "maximize"], ["minimize"] * 3])
+def test_a_study_of_other_directions_is_refused_by_name(optuna, run, url, capsys, directions):
+    optuna.create_study(study_name="theirs", storage=url, directions=directions)
+    capsys.readouterr()
+    text = refused(capsys, run, "--optuna", url, "--name", "theirs")
+    assert "study called theirs" in text
+    assert ", ".join(directions) in text
+    assert "--name" in text
+    assert exported(optuna, url, "theirs").get_trials() == []
+    assert exported(optuna, url, "theirs").user_attrs == {}
+
+
+def test_a_study_whose_parameters_are_of_another_kind_is_refused_by_name(
+    optuna, run, url, capsys, walks
+):
+    told(capsys, run, "--optuna", url)
+    goal = exported(optuna, url)
+    other = optuna.create_study(study_name="ints", storage=url, direction="maximize")
+    for key, value in goal.user_attrs.items():
+        other.set_user_attr(key, value)
+    trial = other.ask()
+    trial.suggest_int("roll_a", 0, 3)
+    capsys.readouterr()
+    text = refused(capsys, run, "--optuna", url, "--name", "ints")
+    assert "roll_a as IntDistribution" in text
+    assert "trial 0 of the study ints" in text
+
+
+def test_an_empty_study_that_the_user_has_made_is_taken(optuna, run, url, capsys):
+    mine = optuna.create_study(study_name="one", storage=url, direction="maximize")
+    mine.set_user_attr("note", "of mine")
+    capsys.readouterr()
+    told(capsys, run, "--optuna", url)
+    assert exported(optuna, url).user_attrs["note"] == "of mine"
+    assert "0 walks added" in told(capsys, run, "--optuna", url)
+
+
+def test_an_export_that_was_broken_off_goes_on(optuna, run, url, capsys, monkeypatch):
+    set_attribute = optuna.Study.set_user_attr
+
+    def broken(goal, key, value):
+        set_attribute(goal, key, value)
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(optuna.Study, "set_user_attr", broken)
+        with pytest.raises(KeyboardInterrupt):
+            export_to(run, url)
+    assert optuna.logging.get_verbosity() != optuna.logging.CRITICAL
+    assert "4 walks added" in told(capsys, run, "--optuna", url)
+
+
+def export_to(run, storage, name="one"):
+    from drake_gait.report.optuna import export_to_optuna
+
+    with Study.open(run) as study:
+        return export_to_optuna(study, storage, name)
+
+
+def test_a_journal_is_exported_to_from_python(optuna, run, tmp_path):
+    from optuna.storages.journal import JournalFileBackend
+
+    def journal():
+        return optuna.storages.JournalStorage(JournalFileBackend(str(tmp_path / "journal.log")))
+
+    assert export_to(run, journal()) == (4, 0)
+    assert export_to(run, journal()) == (0, 4)
+    assert len(optuna.load_study(study_name="one", storage=journal()).get_trials()) == 4
 
 
 @pytest.mark.parametrize(
-    "url", ["optuna.db", "sqlite:////nowhere/optuna.db", "postgresql+nodriver://127.0.0.1:1/x"]
+    ("url", "words"),
+    [
+        ("optuna.db", ""),
+        ("", ""),
+        ("sqlite:////nowhere/optuna.db", "unable to open"),
+        ("postgresql+nodriver://127.0.0.1:1/x", "nodriver"),
+        ("nobase://127.0.0.1/x", "nobase"),
+        ("mysql+cymysql://127.0.0.1/x", "cymysql"),
+        ("redis://127.0.0.1", "Redis"),
+        ("postgresql://127.0.0.1:port/x", "port"),
+        ("https://example.org/optuna.db", "https"),
+        ("sqlite:///{folder}", "unable to open"),
+        ("sqlite:///{run}/study.toml", "not a database"),
+        ("sqlite:///file:{folder}/there.db?mode=ro&uri=true", "readonly"),
+        ("sqlite:///a\0b.db", "null"),
+        ("sqlite://", "in memory"),
+        ("sqlite:///", "in memory"),
+        ("sqlite:///:memory:", "in memory"),
+        ("sqlite+pysqlite:///:memory:", "in memory"),
+        ("sqlite:///file::memory:?cache=shared&uri=true", "in memory"),
+        ("sqlite:///file:name?mode=memory&cache=shared&uri=true", "in memory"),
+        ("sqlite:///file:/name?vfs=memdb&uri=true", "in memory"),
+    ],
 )
-def test_a_database_that_cannot_be_used_is_one_line_with_one_that_can(optuna, run, capsys, url):
-    assert f"cannot use the database {url}" in refused(capsys, run, "--optuna", url)
+@pytest.mark.usefixtures("optuna")
+def test_a_database_that_cannot_be_used_is_one_line_with_one_that_can(
+    run, capsys, tmp_path, url, words
+):
+    url = url.format(folder=tmp_path, run=run)
+    (run / "study.toml").write_text("no database, " * 99, encoding="utf-8")
+    sqlite3.connect(tmp_path / "there.db").executescript("create table mine (x)")
+    text = refused(capsys, run, "--optuna", url)
+    assert f"cannot use the database {url}" in text
+    assert words in text
+    assert "sqlite:///optuna.db" in text
+
+
+@pytest.mark.usefixtures("optuna")
+def test_a_password_is_not_shown(run, capsys):
+    url = "postgresql+nodriver://me:secret@127.0.0.1:1/x"
+    text = refused(capsys, run, "--optuna", url)
+    assert "secret" not in text
+    assert "me:***@127.0.0.1:1/x" in text
+
+
+def test_exporting_says_nothing_but_its_line(optuna, run, url):
+    command = [
+        sys.executable,
+        "-W",
+        "error",
+        "-m",
+        "drake_gait",
+        "export",
+        str(run),
+        "--optuna",
+        url,
+    ]
+    ended = subprocess.run(command, check=False, capture_output=True, text=True)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert ended.stdout == f"{url}, study one: 4 walks added, 0 were there\n"
 
 
 def test_without_optuna_the_extra_is_named(run, capsys, monkeypatch):
