@@ -295,7 +295,10 @@ def _connect(path: Path, mode: str) -> sqlite3.Connection:
     elif reads and not _log(path).exists():
         mode = "ro&immutable=1"  # No log can be made there, and none is needed.
     with _reporting(path):
-        connection = sqlite3.connect(f"{path.resolve().as_uri()}?mode={mode}", uri=True)
+        # A study may be opened in one thread and run in another: SQLite serialises their calls.
+        connection = sqlite3.connect(
+            f"{path.resolve().as_uri()}?mode={mode}", uri=True, check_same_thread=False
+        )
         connection.execute("pragma synchronous = normal")
         if reads:
             connection.execute("pragma query_only = on")
