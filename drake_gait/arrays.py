@@ -11,7 +11,7 @@ from drake_gait.errors import SettingsError
 
 
 def numbers(name: str, values: Any) -> NDArray[np.float64]:
-    """A copy of real numbers as an array, from an array, a sequence, an iterator or a scalar.
+    """Return a copy of real numbers as an array, from arrays, sequences, iterators or scalars.
 
     Raises:
         SettingsError: They are no real numbers, or do not fill an array.
@@ -31,7 +31,7 @@ def numbers(name: str, values: Any) -> NDArray[np.float64]:
 
 
 def whole_number(name: str, value: Any, least: int) -> int:
-    """A whole number as an int; 1e4 is one.
+    """Return a whole number as an int; 1e4 is one.
 
     Raises:
         SettingsError: It is none, or is below `least`.

@@ -163,7 +163,7 @@ STANDING = Gait(coefficients=np.zeros((4, 4)))
 
 
 def joint_commands(commands: ArrayLike) -> FloatArray:
-    """Commands that servos can follow.
+    """Check commands that servos are to follow; returns them as an array.
 
     Args:
         commands: Joint angles [rad], shape (241, 10), columns as JOINTS, one row a frame.

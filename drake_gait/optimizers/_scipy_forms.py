@@ -27,7 +27,7 @@ _CONVERGED = 0.01
 
 
 def pairs(bounds: Pairs) -> Array:
-    """Lower and upper bound of every variable; of shape (d, 2) if they are bounds.
+    """Return bounds as an array, of shape (d, 2) if they are bounds.
 
     Raises:
         SettingsError: They are no real numbers.
@@ -45,7 +45,7 @@ def pairs(bounds: Pairs) -> Array:
 
 
 def seed_number(seed: Any) -> int:
-    """A seed as one whole number; drawn from what numpy takes as a seed if it is another thing.
+    """Return a seed as one whole number, drawn from what numpy takes as a seed if it is none.
 
     Args:
         seed: An int; None for another one every time; or a `Generator`, which is advanced, a
@@ -66,7 +66,7 @@ def seed_number(seed: Any) -> int:
 
 
 def teller(callback: Callable[..., Any] | None) -> Callable[[OptimizeResult], bool]:
-    """A callback of any form as a function of the result so far, true where it stops the run.
+    """Turn a callback of any form into a function of the result so far, true where it stops.
 
     Args:
         callback: `callback(intermediate_result=...)`, `callback(x, convergence)`, or
@@ -108,7 +108,7 @@ def _takes(signature: inspect.Signature, *positions: int, **names: int) -> bool:
 
 
 def _convergence(result: OptimizeResult) -> float:
-    """How near the costs of the population are to each other, as scipy has it; 1 is converged."""
+    """Return scipy's convergence of a population's costs: 0.01 x mean / scatter."""
     costs = result.population_energies
     if not np.isfinite(costs).all():
         return 0.0

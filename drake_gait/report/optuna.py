@@ -88,7 +88,7 @@ def export_to_optuna(study: Study, url: str | BaseStorage, name: str) -> tuple[i
 
 
 def shown(url: str) -> str:
-    """A database's URL as it may be printed: without its password."""
+    """Return a database's URL as it may be printed: without its password."""
     try:
         parsed = make_url(url)
     except (ArgumentError, ValueError):
@@ -166,7 +166,7 @@ def _claim(
 def _ranges(
     settings: StudySettings, walks: Sequence[Mapping[str, Any]]
 ) -> dict[str, FloatDistribution]:
-    """How far the search may go, by design variable, in SI units.
+    """Return the range of each design variable in the search, in SI units.
 
     Replicas walk with noise, which leaves the ranges of the search: theirs are wider. All trials
     have the same, or Optuna's importances would leave a parameter out.

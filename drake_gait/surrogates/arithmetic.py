@@ -1,8 +1,8 @@
 """Arithmetic that is the same on every machine, and leaves torch and BLAS as the caller has them.
 
 Our matrices are small: one thread computes them fastest, and its last digits depend on no number
-of cores. Threads, gradients, the default device and its like belong to the process or the thread
-of whoever calls; here they are changed inside a context, and are afterwards as they were.
+of cores. Threads, gradients and the default device belong to whoever calls. They are changed
+inside a context, and are afterwards as they were.
 """
 
 import threading
@@ -47,7 +47,7 @@ _lock = threading.Lock()
 def _set_torch_threads(count: int, *, elsewhere: int) -> None:
     """Give this thread a number of threads; threads that begin later shall have another.
 
-    torch keeps one number for each thread that has computed, and one for those to come, and sets
+    torch keeps one number for each thread that has computed, and one for those to come. It sets
     both at once.
     """
     with _lock:
