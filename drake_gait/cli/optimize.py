@@ -131,7 +131,7 @@ def _run(settings: StudySettings, folder: Path, workers: int, dask: str | None) 
 
 def _write_results(settings: StudySettings, study: Study, folder: Path) -> None:
     """Write what the study's folder is to hold, and print the table."""
-    walks, wall_s = study.walks(), study.description()["wall_s"]
+    walks, wall_s = study.walks(), study.description().get("wall_s", 0.0)
     written = write_outputs(settings, walks, folder, wall_s=wall_s)
     if written.network is not None:
         print(f"network of all {len(walks)} walks: {r_squared_line(written.network)}")

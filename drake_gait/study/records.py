@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from drake_gait.errors import GaitError, StudyError
 from drake_gait.foot import FootDesign
 from drake_gait.gait import Gait
 from drake_gait.problem.problem import COEFFICIENTS, Candidate
@@ -41,6 +42,12 @@ COLUMNS = (
     + ["seconds real not null", "finished text not null"]
 )
 NAMES = [column.split()[0] for column in COLUMNS]
+_TYPES: dict[str, tuple[type, ...]] = {"integer": (int,), "real": (int, float), "text": (str,)}
+_CONTENTS = {
+    name: (kind, _TYPES[kind], bool(constraints))
+    for name, kind, *constraints in map(str.split, COLUMNS)
+}
+"""What a column holds: its kind, the types of its values, and whether every row has one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +90,27 @@ def to_row(entry: StudyWalk) -> list[Any]:
 
 
 def from_row(row: Mapping[str, Any]) -> StudyWalk:
-    """The walk of a row, given by its columns' names."""
+    """The walk of a row, given by its columns' names.
+
+    Raises:
+        StudyError: a value is not one that its column can have; names both.
+    """
+    for name, (kind, types, needed) in _CONTENTS.items():
+        value = row[name]
+        if not isinstance(value, types) and (needed or value is not None):
+            raise StudyError(f"walk {row['id']} has {name} = {_short(value)}, which is no {kind}")
+    try:
+        return _walk_of(row)
+    except (GaitError, ValueError) as error:
+        raise StudyError(f"walk {row['id']}: {error}") from None
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 40 else f"{text[:39]}…"
+
+
+def _walk_of(row: Mapping[str, Any]) -> StudyWalk:
     coefficients = np.array([row[name] for name in COEFFICIENTS]).reshape(4, 4)
     predicted = {name: row[f"predicted_{name}"] for name in _PREDICTED}
     return StudyWalk(

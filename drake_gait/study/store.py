@@ -9,28 +9,28 @@ Tables (schema 3; SI units, angles in radians, numbers as full doubles):
                             when it finished and how long it took
 
 `pandas.DataFrame(Study.open("runs/steady").table())` has all of it, and any SQLite tool reads it;
-docs/reference/study.md lists the columns. The driver is the only writer and commits each walk as it
-finishes (write-ahead log, synchronous = normal): a killed process loses none, a power cut at most
-the last few.
+docs/studies.md lists the columns. The driver is the only writer and commits each walk as it
+finishes; how, and what a copy of the file holds, says `database`.
 
 A change of the columns is a new schema. Older ones down to schema 2 are read, with nothing in the
 columns that they lack, and get those from the driver that goes on with them.
 """
 
 import json
-import os
-import sqlite3
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, contextmanager
+import stat
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import IO, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drake_gait.errors import StudyError
+from drake_gait.errors import GaitError, StudyError
+from drake_gait.study._database import Database, damaged, write_new
 from drake_gait.study._lock import driver_lock
 from drake_gait.study.records import COLUMNS, CONFIRMATIONS, NAMES, StudyWalk, from_row, to_row
+from drake_gait.study.settings import StudySettings, study_settings
 
 SCHEMA = 3
 _OLDEST = 2
@@ -49,6 +49,18 @@ _KINDS = {
     for name, kind, *constraints in map(str.split, COLUMNS)
 }
 """What a column's array holds."""
+_VALUES: dict[str, tuple[type, ...]] = {
+    "settings": (dict,),
+    "model_sha256": (str,),
+    "versions": (dict,),
+    "wall_s": (int, float),
+    "worker_deaths": (dict,),
+}
+"""Types of the values that the table `study` has, or may have."""
+_REQUIRED = ("settings", "model_sha256")
+_REQUIRED_SETTINGS = ("study.name", "study.seed", "search.simulations")
+"""Settings that every study has; others came later, and have the value that they stand for."""
+
 _DTYPES = {"integer": np.int64, "real": np.float64, "text": np.str_}
 _MISSING = {"real": np.nan, "text": ""}
 
@@ -56,10 +68,9 @@ _MISSING = {"real": np.nan, "text": ""}
 class Study:
     """An open study file: `with Study.open(path) as study: study.walks()`."""
 
-    def __init__(self, path: Path, connection: sqlite3.Connection, lock: IO[str] | None) -> None:
+    def __init__(self, path: Path, database: Database) -> None:
         self.path = path
-        self._connection = connection
-        self._lock = lock
+        self._database = database
 
     @classmethod
     def create(cls, path: Path, description: Mapping[str, Any]) -> Self:
@@ -94,8 +105,7 @@ class Study:
                 driver has it.
         """
         path = study_file(path)
-        if not path.is_file():
-            raise StudyError(f"no study file {path}; `python -m drake_gait.optimize` makes one")
+        _require_file(path)
         with ExitStack() as cleanup:
             lock = cleanup.enter_context(driver_lock(path)) if driver else None
             study = cls._opened(path, lock)
@@ -105,17 +115,21 @@ class Study:
     @classmethod
     def _opened(cls, path: Path, lock: IO[str] | None) -> Self:
         with ExitStack() as cleanup:
-            connection = _connect(path, "rw" if lock else "ro")
-            cleanup.callback(connection.close)
-            study = cls(path, connection, lock)
-            found = study.description().get("schema")
+            database = Database(path, lock)
+            cleanup.callback(database.close)
+            study = cls(path, database)
+            found = study._decoded("select key, value from study where key = 'schema'").get(
+                "schema"
+            )
             if not isinstance(found, int) or not _OLDEST <= found <= SCHEMA:
                 raise StudyError(
                     f"{path} has schema {found}; this version reads schemas {_OLDEST} to {SCHEMA}: "
                     "install the one that made it, or give another folder"
                 )
             if lock:
-                study._make_ready(found)
+                database.begin_writing()
+                if found != SCHEMA:
+                    study._bring_up_to_date()
             cleanup.pop_all()
         return study
 
@@ -127,24 +141,60 @@ class Study:
 
     def close(self) -> None:
         """Close the file and let another driver have it."""
-        self._connection.close()
-        if self._lock is not None:
-            self._lock.close()
+        self._database.close()
 
     def description(self) -> dict[str, Any]:
-        """What the study is: schema, settings, model_sha256, versions."""
-        with _reporting(self.path):
-            rows = self._connection.execute("select key, value from study").fetchall()
-        return {key: json.loads(value) for key, value in rows}
+        """The values about the study: settings, model_sha256 and all others, by their names.
 
-    def _make_ready(self, schema: int) -> None:
-        """Prepare the file for a driver: a write-ahead log, and the columns of this schema."""
-        with _reporting(self.path), self._connection as connection:
-            connection.execute("pragma journal_mode = wal")
-            if schema == SCHEMA:
-                return
+        Raises:
+            StudyError: one is missing, or cannot be read; names it.
+        """
+        found = self._decoded("select key, value from study")
+        for key in _REQUIRED:
+            if key not in found:
+                raise damaged(self.path, f"it has no {key}")
+        for key, types in _VALUES.items():
+            if key in found and not isinstance(found[key], types):
+                raise damaged(self.path, f"its {key} is no {types[-1].__name__}")
+        return found
+
+    def settings(self) -> StudySettings:
+        """The settings that the study was made with.
+
+        Raises:
+            StudyError: one is missing, or is not one that this version can use.
+        """
+        found = self.description()["settings"]
+        for key in _REQUIRED_SETTINGS:
+            if key not in found:
+                raise damaged(self.path, f"its settings have no {key}")
+        try:
+            return study_settings(found)
+        except KeyError as error:
+            why = f"no {error}, or none of that name here"
+        except (GaitError, TypeError, ValueError, AttributeError) as error:
+            why = " ".join(str(error).split())
+        raise StudyError(
+            f"{self.path} has settings that this version cannot use ({why}); install the version "
+            "that made it, or put back a copy"
+        )
+
+    def _decoded(self, query: str) -> dict[str, Any]:
+        """Values about the study, by their names."""
+        found = {}
+        for key, value in self._database.rows(query):
+            try:
+                found[key] = json.loads(value)
+            except (ValueError, TypeError, RecursionError):
+                raise damaged(self.path, f"its {key} is no JSON") from None
+        return found
+
+    def _bring_up_to_date(self) -> None:
+        """Give the file the columns of this schema."""
+        lacking = self._lacking()
+        with self._database.writing() as connection:
             connection.execute("begin")
-            for name in self._lacking():
+            for name in lacking:
                 connection.execute(f"alter table walks add column {name} real")
             connection.execute(
                 "update study set value = ? where key = 'schema'", (json.dumps(SCHEMA),)
@@ -152,7 +202,7 @@ class Study:
 
     def _lacking(self) -> frozenset[str]:
         """Columns that have come since the file was made."""
-        found = self._connection.execute("select name from pragma_table_info('walks')")
+        found = self._database.rows("select name from pragma_table_info('walks')")
         return _SINCE_OLDEST - {name for (name,) in found}
 
     def require(self, wanted: Mapping[str, Any]) -> None:
@@ -177,8 +227,8 @@ class Study:
                 )
         if found["model_sha256"] != wanted["model_sha256"]:
             raise StudyError(
-                f"{folder} holds a study of another version of {was['walk.model']}: the file has "
-                f"changed since; {cure}"
+                f"{folder} holds a study of another version of {was.get('walk.model')}: the file "
+                f"has changed since; {cure}"
             )
         if (used := self._budget_used()) > now.get(_BUDGET, used):
             raise StudyError(
@@ -192,27 +242,25 @@ class Study:
         The design of experiments and every walk stay what they are.
         """
         settings = self.description()["settings"]
-        if settings[_BUDGET] == simulations:
+        if settings.get(_BUDGET) == simulations:
             return
         settings[_BUDGET] = simulations
-        with _reporting(self.path), self._connection:
-            self._connection.execute(
+        with self._database.writing() as connection:
+            connection.execute(
                 "update study set value = ? where key = 'settings'", (json.dumps(settings),)
             )
-            self._connection.execute("delete from study where key = 'finished'")
+            connection.execute("delete from study where key = 'finished'")
 
     def _budget_used(self) -> int:
         """The smallest budget that has room for every walk."""
-        with _reporting(self.path):
-            (used,) = self._connection.execute(
-                "select ifnull(max(id), -1) + 1 from walks where id < ?", (CONFIRMATIONS,)
-            ).fetchone()
+        query = f"select ifnull(max(id), -1) + 1 from walks where id < {CONFIRMATIONS}"
+        ((used,),) = self._database.rows(query)
         return int(used)
 
     def set(self, key: str, value: Any) -> None:
         """Keep one more value about the study, as JSON."""
-        with _reporting(self.path), self._connection:
-            self._connection.execute(
+        with self._database.writing() as connection:
+            connection.execute(
                 "insert or replace into study values (?, ?)", (key, json.dumps(value))
             )
 
@@ -220,21 +268,20 @@ class Study:
         """Commit a finished walk.
 
         Raises:
-            StudyError: the file cannot be written; everything before is safe.
+            StudyError: the file cannot be written, or was moved; everything before is safe.
         """
         row = to_row(entry)
-        with _reporting(self.path), self._connection:
-            self._connection.execute(
+        with self._database.writing() as connection:
+            connection.execute(
                 f"insert into walks ({', '.join(NAMES)}) values ({', '.join('?' * len(row))})", row
             )
 
     def rows(self) -> tuple[list[str], list[tuple[Any, ...]]]:
         """Names of all columns, and all walks so far, one tuple each, in the order of their ids."""
-        with _reporting(self.path):
-            lacking = self._lacking()
-            columns = (f"null as {name}" if name in lacking else name for name in NAMES)
-            found = self._connection.execute(f"select {', '.join(columns)} from walks order by id")
-            return list(NAMES), found.fetchall()
+        lacking = self._lacking()
+        columns = (f"null as {name}" if name in lacking else name for name in NAMES)
+        found = self._database.rows(f"select {', '.join(columns)} from walks order by id")
+        return list(NAMES), found
 
     def table(self) -> dict[str, NDArray[Any]]:
         """All walks so far, in the order of their ids: `pandas.DataFrame(study.table())`.
@@ -242,24 +289,41 @@ class Study:
         Returns:
             Every column of the file by its name, shape (n,): whole numbers as int64, others and
             those that a walk may lack as float64 (nan where it does), text as str. Units are those
-            of docs/reference/study.md.
+            of docs/studies.md.
+
+        Raises:
+            StudyError: a value is none that its column can have.
         """
         names, rows = self.rows()
         columns = zip(*rows, strict=True) if rows else [()] * len(names)
-        return {
-            name: _column(values, _KINDS[name]) for name, values in zip(names, columns, strict=True)
-        }
+        found = {}
+        for name, values in zip(names, columns, strict=True):
+            try:
+                found[name] = _column(values, _KINDS[name])
+            except (ValueError, TypeError) as error:
+                raise damaged(self.path, f"{name}: {error}") from None
+        return found
 
     def walks(self) -> list[StudyWalk]:
-        """All walks so far, in the order of their ids."""
+        """All walks so far, in the order of their ids.
+
+        Raises:
+            StudyError: a walk has a value that it cannot have.
+        """
         names, rows = self.rows()
-        return [from_row(dict(zip(names, row, strict=True))) for row in rows]
+        try:
+            return [from_row(dict(zip(names, row, strict=True))) for row in rows]
+        except StudyError as error:
+            raise damaged(self.path, error) from None
 
 
 def study_file(path: str | Path) -> Path:
     """The study file that a path means: itself, or study.db in a folder."""
     path = Path(path)
-    return path / "study.db" if path.is_dir() else path
+    try:
+        return path / "study.db" if path.is_dir() else path
+    except OSError:  # It cannot be told; whoever opens the file is told why.
+        return path
 
 
 def _column(values: Sequence[Any], kind: str) -> NDArray[Any]:
@@ -267,65 +331,28 @@ def _column(values: Sequence[Any], kind: str) -> NDArray[Any]:
     return np.array(filled, dtype=_DTYPES[kind])
 
 
-@contextmanager
-def _reporting(path: Path) -> Iterator[None]:
-    """Turns what SQLite says into one line for the user."""
+def _require_file(path: Path) -> None:
     try:
-        yield
-    except sqlite3.DatabaseError as error:
-        if error.sqlite_errorcode & 0xFF in _NO_STUDY:
-            raise StudyError(
-                f"{path} is no study, or is damaged ({error}); put back a copy, or give --out for "
-                "another folder"
-            ) from None
+        if stat.S_ISREG(path.stat().st_mode):
+            return
+        why = "is no file"
+    except FileNotFoundError:
         raise StudyError(
-            f"study file {path}: {error}; what it holds is safe: free space, or permit reading and "
-            "writing, and run the command again"
+            f"no study file {path}; `python -m drake_gait.optimize` makes one"
         ) from None
-
-
-# What SQLite reports of a file that is no database, of a broken one, and of one without our tables.
-_NO_STUDY = (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_ERROR)
-
-
-def _connect(path: Path, mode: str) -> sqlite3.Connection:
-    reads = mode == "ro"
-    if reads and os.access(path.parent, os.W_OK):
-        mode = "rw"  # Its log is made beside a closed study, and who only reads leaves it there.
-    elif reads and not _log(path).exists():
-        mode = "ro&immutable=1"  # No log can be made there, and none is needed.
-    with _reporting(path):
-        # A study may be opened in one thread and run in another: SQLite serialises their calls.
-        connection = sqlite3.connect(
-            f"{path.resolve().as_uri()}?mode={mode}", uri=True, check_same_thread=False
-        )
-        connection.execute("pragma synchronous = normal")
-        if reads:
-            connection.execute("pragma query_only = on")
-    return connection
-
-
-def _log(path: Path) -> Path:
-    """Where SQLite keeps what is not in the file itself yet."""
-    return path.with_name(f"{path.name}-wal")
+    except (OSError, ValueError) as error:  # A path may be none: too long, with a null byte.
+        why = f"cannot be read: {getattr(error, 'strerror', None) or error}"
+    raise StudyError(f"study file {path} {why}; give the folder of a study, or its study.db")
 
 
 def _write_empty(path: Path, description: Mapping[str, Any]) -> None:
-    """Write a study without walks; it has its name only when it is complete."""
-    beginning = path.with_suffix(".new")
-    try:
-        beginning.unlink(missing_ok=True)
-        with _reporting(path), closing(_connect(beginning, "rwc")) as connection:
-            # A log of its own could outlive it, and be taken for that of the next beginning.
-            connection.execute("pragma journal_mode = off")
-            with connection:
-                connection.execute("create table study (key text primary key, value text)")
-                connection.execute(f"create table walks ({', '.join(COLUMNS)})")
-                rows = {"schema": SCHEMA, **description}
-                connection.executemany(
-                    "insert into study values (?, ?)",
-                    [(key, json.dumps(value)) for key, value in rows.items()],
-                )
-        beginning.replace(path)
-    except OSError as error:
-        raise StudyError(f"cannot write {path}: {error.strerror}") from None
+    """Write a study without walks."""
+    rows = {"schema": SCHEMA, **description}
+    tables = [
+        ("create table study (key text primary key, value text)", ()),
+        (f"create table walks ({', '.join(COLUMNS)})", ()),
+    ]
+    values = [
+        ("insert into study values (?, ?)", (key, json.dumps(value))) for key, value in rows.items()
+    ]
+    write_new(path, [*tables, *values])
