@@ -41,6 +41,35 @@ def texts(svg: Path) -> list[str]:
     return [text for text in found if text]
 
 
+WRITER = """
+import pathlib, sys, time
+from drake_gait.gait import STANDING
+from drake_gait.problem.problem import Candidate
+from drake_gait.study.store import Study
+from drake_gait.study.records import StudyWalk
+from drake_gait.walk import Walk
+
+study = Study.create(pathlib.Path(sys.argv[1]), {"settings": {}, "model_sha256": ""})
+for number in range(100_000):
+    study.add(StudyWalk(id=number, stage="design", iteration=0,
+                        candidate=Candidate(gait=STANDING), walk=Walk.diverged("made up")))
+    print(number, flush=True)
+    time.sleep(float(sys.argv[2]))
+"""
+"""A driver that adds walks to the file of its first argument, a time [s] apart, and tells each."""
+
+OWN_MOUNTS = ["unshare", "--map-root-user", "--mount"]
+"""What a command begins with that is to have mounts of its own."""
+
+
+def may_mount() -> bool:
+    """Whether commands may have mounts of their own here."""
+    try:
+        return subprocess.run([*OWN_MOUNTS, "true"], check=False).returncode == 0
+    except OSError:
+        return False
+
+
 TARGET = np.array([0.8, -0.5, 0.3, 0.4, -0.6, 0.7, -0.2, 0.1])
 
 

@@ -62,12 +62,13 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
 def _list(folder: Path) -> tuple[str, Any]:
     """What is in a folder of studies; one that cannot be read does not hide the others."""
     found: list[Standing] = []
-    errors: dict[str, str] = {}
-    for path in studies_in(folder):
+    paths, unreadable = studies_in(folder)
+    errors = {str(path): text for path, text in unreadable.items()}
+    for path in paths:
         try:
-            found.append(standing(path))
-        except StudyError as error:
-            errors[str(path)] = str(error)
+            found.append(standing(path / "study.db"))
+        except GaitError as error:
+            errors[str(path)] = " ".join(str(error).split("\n"))
     rows = [["folder", "study", "seed", "mode", "state", "walks", "survivors", "feasible", "best"]]
     for one in found:
         walks, survivors = f"{one.walks}/{one.total}", str(one.survivors)
@@ -86,6 +87,7 @@ def _list(folder: Path) -> tuple[str, Any]:
             ]
         )
     lines = [_aligned(rows)] if found else []
+    lines += [f"{one.folder}: {one.remark}" for one in found if one.remark]
     lines += [f"cannot be read: {error}" for error in errors.values()]
     broken = [{"folder": path, "error": text} for path, text in errors.items()]
     return "\n".join(lines), [*(one.plain() for one in found), *broken]
@@ -97,6 +99,7 @@ def _show(path: Path) -> tuple[str, Any]:
     question = one.settings.get("study.question")
     lines = [f"{one.folder}: study {one.name}, seed {one.seed}, {one.state}"]
     lines += [question, ""] if question else [""]
+    lines += [f"{one.remark}.", ""] if one.remark else []
     lines.append(_aligned([*_numbers([one]), ["failures", _counts(one.failures)]]))
     if one.best:
         lines += ["", "the best feasible walks", _walks(one)]
@@ -116,6 +119,8 @@ def _compare(paths: Sequence[Path]) -> tuple[str, Any]:
     causes = dict.fromkeys(cause for one in found for cause in one.failures)
     rows += [[cause, *(str(one.failures.get(cause, 0)) for one in found)] for cause in causes]
     lines = [_aligned(rows), ""]
+    remarks = [f"{one.folder}: {one.remark}" for one in found if one.remark]
+    lines += [*remarks, ""] if remarks else []
     differing = _differing([{**_versions(one), **one.settings} for one in found])
     if differing:
         lines += ["made with (SI units)", _aligned([["", *rows[0][1:]], *differing])]

@@ -1,6 +1,7 @@
 """Where a study stands, read from its folder while it runs or long after."""
 
 import json
+import os
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -11,9 +12,9 @@ from drake_gait.errors import StudyError
 from drake_gait.study._lock import is_driven
 from drake_gait.study.ranking import feasible_walks
 from drake_gait.study.records import CONFIRMATIONS, StudyWalk
-from drake_gait.study.settings import study_settings
 from drake_gait.study.store import Study, study_file
 
+_FILE = "study.db"
 _BEST = 8  # As many walks as the paper's Table II has.
 
 
@@ -76,8 +77,25 @@ class Standing:
         """Held-out R² of the network of all walks, by output; empty without a result of them."""
         if self.result is None or self.result.get("simulations") != self.walks:
             return {}
-        found: Mapping[str, float | None] = self.result.get("r2_heldout", {})
-        return found
+        found = self.result.get("r2_heldout")
+        numbers = found.items() if isinstance(found, dict) else ()
+        return {name: r2 for name, r2 in numbers if r2 is None or isinstance(r2, (int, float))}
+
+    @property
+    def remark(self) -> str | None:
+        """Why the study has no best walk, in a sentence; None if it has one."""
+        if self.best:
+            return None
+        if not self.walks:
+            return "no walk has been simulated yet"
+        causes = ", ".join(f"{cause} {count}" for cause, count in self.failures.items())
+        if not self.survivors and "fell" not in self.failures:
+            return (
+                f"no walk could be simulated to its end ({causes}): nothing is known of the gaits"
+            )
+        if not self.survivors:
+            return f"no robot stayed on its feet ({causes})"
+        return f"no walk satisfies every constraint; {self.survivors} stayed on their feet"
 
     def plain(self) -> dict[str, Any]:
         """All of it as JSON has it; lengths in m, angles in rad."""
@@ -91,6 +109,7 @@ class Standing:
             "total": self.total,
             "survivors": self.survivors,
             "feasible": self.feasible,
+            "remark": self.remark,
             "best": [_plain_walk(walk) for walk in self.best],
             "stages": dict(self.stages),
             "failures": dict(self.failures),
@@ -111,9 +130,8 @@ def standing(path: str | Path) -> Standing:
     file = study_file(path)
     running = is_driven(file)
     with Study.open(file) as study:
-        description, walks = study.description(), study.walks()
+        description, settings, walks = study.description(), study.settings(), study.walks()
     ended = "finished" if "finished" in description else "unfinished"
-    settings = study_settings(description["settings"])
     feasible = feasible_walks(walks, settings.constraints, settings.search.objective)
     failures = Counter(walk.walk.failure for walk in walks if walk.id < CONFIRMATIONS)
     return Standing(
@@ -132,18 +150,33 @@ def standing(path: str | Path) -> Standing:
     )
 
 
-def studies_in(folder: Path) -> list[Path]:
-    """Folders of all studies in a folder and below, in order.
+def studies_in(folder: Path) -> tuple[list[Path], dict[Path, str]]:
+    """Folders of all studies in a folder and below, in order, and folders that cannot be read.
+
+    Returns:
+        The studies' folders, and by its path why a folder cannot be looked into.
 
     Raises:
-        StudyError: there is none.
+        StudyError: there is nothing of either.
     """
-    found = sorted(path.parent for path in folder.rglob("study.db"))
-    if not found:
+    unreadable: dict[Path, str] = {}
+
+    def note(error: OSError) -> None:
+        unreadable[Path(error.filename)] = f"{error.filename}: {error.strerror}"
+
+    found = [
+        Path(path)
+        for path, folders, files in os.walk(folder, onerror=note)
+        if _FILE in files or _FILE in folders
+    ]
+    found = [path for path in found if path.name != _FILE]  # What is in a folder of this name.
+    if unreadable.keys() == {folder} or not (found or unreadable):
+        why = unreadable.get(folder)
         raise StudyError(
-            f"no study in {folder} or below; `python -m drake_gait.optimize` makes one in runs"
+            f"no study in {folder} or below{f' ({why})' if why else ''}; "
+            "`python -m drake_gait.optimize` makes one in runs"
         )
-    return found
+    return sorted(found), unreadable
 
 
 def _result(path: Path) -> dict[str, Any] | None:

@@ -51,7 +51,7 @@ class Database:
             self.rows("pragma schema_version", check=True)
             return
         with reporting(path):
-            self._driver = _whole(_connect(path, "mode=rw"))
+            self._driver = _whole(_connect(path, "mode=rw"), path)
         self._identity = _identity(path)
 
     def begin_writing(self) -> None:
@@ -119,6 +119,7 @@ class Database:
 
     def _settle(self, connection: sqlite3.Connection) -> None:
         """Empty the log, and remove it if nobody else reads it just now."""
+        connection.execute("pragma busy_timeout = 100").fetchall()
         connection.execute("pragma wal_checkpoint(truncate)").fetchall()
         self._require_in_place()  # Else SQLite might remove the log of another study.
         for wait in _WAITS:
@@ -210,7 +211,8 @@ _LOCKED = (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
 
 
 def _study_error(path: Path, error: sqlite3.DatabaseError) -> StudyError:
-    code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_CORRUPT) & 0xFF  # Text that is none.
+    # Python, not SQLite, finds out that text is none.
+    code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_CORRUPT) & 0xFF
     if code in _NO_STUDY:
         return damaged(path, error)
     if code in _LOCKED:
@@ -250,7 +252,7 @@ def _read(path: Path, statement: str, *, check: bool) -> Rows:
         try:
             with closing(_reader(path)) as connection:
                 if check:
-                    _whole(connection)
+                    _whole(connection, path)
                 return connection.execute(statement).fetchall()
         except sqlite3.DatabaseError:
             if wait == _WAITS[-1] or not is_driven(path):
@@ -259,10 +261,13 @@ def _read(path: Path, statement: str, *, check: bool) -> Rows:
     raise AssertionError
 
 
-def _whole(connection: sqlite3.Connection) -> sqlite3.Connection:
-    """The same connection, to a file without structural damage."""
+def _whole(connection: sqlite3.Connection, path: Path) -> sqlite3.Connection:
+    """The same connection, to a file whose end is there and whose pages fit together."""
     try:
         ((found,), *_) = connection.execute("pragma quick_check(1)").fetchall()
+        ((size,),) = connection.execute("pragma page_size").fetchall()
+        if path.stat().st_size % size:  # SQLite takes the rest of a page to be zeros.
+            found = "its end is missing"
         if found != "ok":
             raise sqlite3.DatabaseError(found)
     except sqlite3.DatabaseError:

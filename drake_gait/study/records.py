@@ -98,16 +98,24 @@ def from_row(row: Mapping[str, Any]) -> StudyWalk:
     for name, (kind, types, needed) in _CONTENTS.items():
         value = row[name]
         if not isinstance(value, types) and (needed or value is not None):
+            kind = {"integer": "whole number", "real": "number"}.get(kind, kind)
             raise StudyError(f"walk {row['id']} has {name} = {_short(value)}, which is no {kind}")
     try:
         return _walk_of(row)
-    except (GaitError, ValueError) as error:
+    except GaitError as error:
         raise StudyError(f"walk {row['id']}: {error}") from None
 
 
 def _short(value: Any) -> str:
     text = repr(value)
     return text if len(text) <= 40 else f"{text[:39]}…"
+
+
+def _outcome(text: str) -> Outcome:
+    try:
+        return Outcome(text)
+    except ValueError:
+        raise StudyError(f"outcome {_short(text)} is none of {', '.join(Outcome)}") from None
 
 
 def _walk_of(row: Mapping[str, Any]) -> StudyWalk:
@@ -124,7 +132,7 @@ def _walk_of(row: Mapping[str, Any]) -> StudyWalk:
             foot=_foot(row),
         ),
         walk=Walk(
-            outcome=Outcome(row["outcome"]),
+            outcome=_outcome(row["outcome"]),
             reason=row["reason"],
             **{name: row[name] for name in _WALK},
             yaw_swing=row["yaw_swing"],

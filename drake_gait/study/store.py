@@ -49,14 +49,14 @@ _KINDS = {
     for name, kind, *constraints in map(str.split, COLUMNS)
 }
 """What a column's array holds."""
-_VALUES: dict[str, tuple[type, ...]] = {
-    "settings": (dict,),
-    "model_sha256": (str,),
-    "versions": (dict,),
-    "wall_s": (int, float),
-    "worker_deaths": (dict,),
+_VALUES: dict[str, tuple[str, tuple[type, ...]]] = {
+    "settings": ("table", (dict,)),
+    "model_sha256": ("text", (str,)),
+    "versions": ("table", (dict,)),
+    "wall_s": ("number", (int, float)),
+    "worker_deaths": ("table", (dict,)),
 }
-"""Types of the values that the table `study` has, or may have."""
+"""Kinds of the values that the table `study` has, or may have."""
 _REQUIRED = ("settings", "model_sha256")
 _REQUIRED_SETTINGS = ("study.name", "study.seed", "search.simulations")
 """Settings that every study has; others came later, and have the value that they stand for."""
@@ -152,10 +152,10 @@ class Study:
         found = self._decoded("select key, value from study")
         for key in _REQUIRED:
             if key not in found:
-                raise damaged(self.path, f"it has no {key}")
-        for key, types in _VALUES.items():
+                raise damaged(self.path, f"it has no value of {key}")
+        for key, (kind, types) in _VALUES.items():
             if key in found and not isinstance(found[key], types):
-                raise damaged(self.path, f"its {key} is no {types[-1].__name__}")
+                raise damaged(self.path, f"its value of {key} is no {kind}")
         return found
 
     def settings(self) -> StudySettings:
@@ -171,9 +171,9 @@ class Study:
         try:
             return study_settings(found)
         except KeyError as error:
-            why = f"no {error}, or none of that name here"
+            why = f"the name {error} is missing, or unknown"
         except (GaitError, TypeError, ValueError, AttributeError) as error:
-            why = " ".join(str(error).split())
+            why = " ".join(str(error).rpartition("__init__() ")[2].split())
         raise StudyError(
             f"{self.path} has settings that this version cannot use ({why}); install the version "
             "that made it, or put back a copy"
@@ -186,7 +186,7 @@ class Study:
             try:
                 found[key] = json.loads(value)
             except (ValueError, TypeError, RecursionError):
-                raise damaged(self.path, f"its {key} is no JSON") from None
+                raise damaged(self.path, f"its value of {key} is no JSON") from None
         return found
 
     def _bring_up_to_date(self) -> None:

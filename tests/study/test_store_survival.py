@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import DESCRIPTION
+from conftest import DESCRIPTION, OWN_MOUNTS, WRITER, may_mount
 
 from drake_gait.errors import StudyError
 from drake_gait.study.records import COLUMNS
@@ -25,8 +25,8 @@ def path(tmp_path):
 def test_a_full_disk_is_told_in_one_line_and_loses_nothing(closed, entry):
     with Study.open(closed, driver=True) as study:
         # A page limit is how SQLite has a full disk without one.
-        pages = study._connection.execute("pragma page_count").fetchone()[0]
-        study._connection.execute(f"pragma max_page_count = {pages}")
+        ((pages,),) = study._database.rows("pragma page_count")
+        study._database.rows(f"pragma max_page_count = {pages}")
 
         def fill():
             for number in range(200, 400):
@@ -41,27 +41,10 @@ def test_a_full_disk_is_told_in_one_line_and_loses_nothing(closed, entry):
         study.add(dataclasses.replace(entry, id=kept))
 
 
-WRITER = """
-import dataclasses, pathlib, sys
-import numpy as np
-from drake_gait.gait import STANDING
-from drake_gait.problem.problem import Candidate
-from drake_gait.study.store import Study
-from drake_gait.study.records import StudyWalk
-from drake_gait.walk import Walk
-
-study = Study.create(pathlib.Path(sys.argv[1]), {"settings": {}, "model_sha256": ""})
-for number in range(100_000):
-    study.add(StudyWalk(id=number, stage="design", iteration=0,
-                        candidate=Candidate(gait=STANDING), walk=Walk.diverged("made up")))
-    print(number, flush=True)
-"""
-
-
 @pytest.mark.parametrize("walks", [1, 40, 333])
 def test_a_killed_driver_loses_no_walk(path, entry, walks):
     writer = subprocess.Popen(
-        [sys.executable, "-c", WRITER, path], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", WRITER, path, "0"], stdout=subprocess.PIPE, text=True
     )
     for _ in range(walks):
         writer.stdout.readline()
@@ -130,14 +113,6 @@ for size in range(4, 200, 4):
     print(size, added, same and kept, told, sep="|")
     subprocess.run(["umount", disk], check=True)
 """
-OWN_MOUNTS = ["unshare", "--map-root-user", "--mount"]
-
-
-def may_mount():
-    try:
-        return subprocess.run([*OWN_MOUNTS, "true"], check=False).returncode == 0
-    except OSError:
-        return False
 
 
 @pytest.mark.skipif(not may_mount(), reason="no mounts of its own are permitted here")
