@@ -23,7 +23,7 @@ from drake_gait.simulation.plant import model_path
 from drake_gait.simulation.simulate import simulate
 from drake_gait.study.ranking import best_walk
 from drake_gait.study.records import CONFIRMATIONS, StudyWalk
-from drake_gait.study.settings import StudySettings, study_settings
+from drake_gait.study.settings import StudySettings
 from drake_gait.study.store import Study
 from drake_gait.visualization.live import Screen
 from drake_gait.visualization.meshcat import with_meshcat
@@ -153,7 +153,7 @@ def choose(folder: Path, number: int | None) -> tuple[StudySettings, StudyWalk, 
         StudyError: there is no such study or walk, or another robot walked it.
     """
     with Study.open(folder / "study.db") as study:
-        settings = study_settings(study.description()["settings"])
+        settings = study.settings()
         study.require({"model_sha256": file_sha256(model_path(settings.walk.model))})
         walks = study.walks()
     if not walks:

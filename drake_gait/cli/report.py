@@ -12,7 +12,6 @@ from pathlib import Path
 from drake_gait.errors import GaitError, StudyError
 from drake_gait.report.build import write_outputs
 from drake_gait.report.page import Run, read_result, write_comparison_page
-from drake_gait.study.settings import study_settings
 from drake_gait.study.store import Study
 
 
@@ -40,10 +39,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _remake(folder: Path) -> None:
     with Study.open(folder / "study.db") as study:
-        description, walks = study.description(), study.walks()
+        description, settings, walks = study.description(), study.settings(), study.walks()
     if not walks:
         raise StudyError(f"{folder} has no walks yet")
-    settings = study_settings(description["settings"])
     write_outputs(settings, walks, folder, wall_s=description.get("wall_s", 0.0))
     print(folder / "report.html")
 
@@ -55,10 +53,10 @@ def _compare(folders: Sequence[Path], out: Path) -> None:
 
 def _run(folder: Path) -> Run:
     with Study.open(folder / "study.db") as study:
-        description, walks = study.description(), study.walks()
+        settings, walks = study.settings(), study.walks()
     return Run(
         folder=folder,
-        settings=study_settings(description["settings"]),
+        settings=settings,
         result=read_result(folder),
         walks=walks,
     )

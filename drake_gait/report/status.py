@@ -13,6 +13,7 @@ from drake_gait.study._lock import is_driven
 from drake_gait.study.ranking import feasible_walks
 from drake_gait.study.records import CONFIRMATIONS, StudyWalk
 from drake_gait.study.store import Study, study_file
+from drake_gait.walk import Outcome
 
 _FILE = "study.db"
 _BEST = 8  # As many walks as the paper's Table II has.
@@ -83,19 +84,13 @@ class Standing:
 
     @property
     def remark(self) -> str | None:
-        """Why the study has no best walk, in a sentence; None if it has one."""
-        if self.best:
-            return None
+        """Why nothing is known of its gaits, in a sentence; None if something is."""
         if not self.walks:
             return "no walk has been simulated yet"
+        if self.survivors or str(Outcome.FELL) in self.failures:
+            return None
         causes = ", ".join(f"{cause} {count}" for cause, count in self.failures.items())
-        if not self.survivors and "fell" not in self.failures:
-            return (
-                f"no walk could be simulated to its end ({causes}): nothing is known of the gaits"
-            )
-        if not self.survivors:
-            return f"no robot stayed on its feet ({causes})"
-        return f"no walk satisfies every constraint; {self.survivors} stayed on their feet"
+        return f"none of its {self.walks} walks could be simulated to an end ({causes})"
 
     def plain(self) -> dict[str, Any]:
         """All of it as JSON has it; lengths in m, angles in rad."""

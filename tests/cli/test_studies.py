@@ -1,10 +1,15 @@
 """The command that tells what studies there are and where they stand."""
 
 import dataclasses
+import functools
 import json
+import os
+import shutil
 import sqlite3
 import subprocess
 import sys
+import tempfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -100,6 +105,152 @@ def test_a_damaged_study_is_told_and_hides_no_other(make, capsys, tmp_path):
     _, broken = as_json(capsys, "list", tmp_path)
     assert broken["folder"] == str(tmp_path / "two")
     assert "is no study" in broken["error"]
+
+
+DAMAGES = {
+    "broken JSON": "update study set value = '{\"study.name\": ' where key = 'settings'",
+    "an unknown outcome": "update walks set outcome = 'hopped' where id = 1",
+    "no robot": "delete from study where key = 'model_sha256'",
+    "a setting of nobody": "update study set value = json_set(value, '$.\"search.luck\"', 7)",
+    "a budget of none": "update study set value = json_remove(value, '$.\"search.simulations\"')",
+    "words for a number": "update walks set yaw = 'a little' where id = 0",
+    "no column": "alter table walks drop column com_height",
+    "no table": "drop table walks",
+}
+
+
+def spoil(file, statement):
+    connection = sqlite3.connect(file)
+    with connection:
+        connection.execute(statement)
+    connection.close()
+
+
+def no_study(file):
+    file.unlink()
+    file.mkdir()
+
+
+def empty(file):
+    file.write_bytes(b"")
+
+
+def cut(file):
+    file.write_bytes(file.read_bytes()[:-100])
+
+
+def pipe(file):
+    file.unlink()
+    os.mkfifo(file)
+
+
+def dangle(file):
+    file.unlink()
+    file.symlink_to("nowhere")
+
+
+def circle(file):
+    file.unlink()
+    file.symlink_to(file.name)
+
+
+@pytest.mark.parametrize(
+    "break_it",
+    [
+        *(functools.partial(spoil, statement=statement) for statement in DAMAGES.values()),
+        no_study,
+        empty,
+        cut,
+        pipe,
+        dangle,
+        circle,
+    ],
+    ids=[*DAMAGES, "a folder", "empty", "cut", "pipe", "dangling link", "circular link"],
+)
+def test_a_study_that_cannot_be_read_is_one_line_and_hides_no_other(
+    make, capsys, tmp_path, break_it
+):
+    for name in ("a", "b", "c"):
+        make(name).close()
+    break_it(tmp_path / "b" / "study.db")
+    lines = told(capsys, "list", tmp_path).splitlines()
+    assert [line.split()[0] for line in lines[1:3]] == ["a", "c"]
+    assert len(lines) == 4
+    assert lines[3].startswith("cannot be read: ")
+    assert f"{tmp_path}/b/study.db" in lines[3]
+    *whole, broken = as_json(capsys, "list", tmp_path)
+    assert [one["folder"] for one in whole] == [f"{tmp_path}/a", f"{tmp_path}/c"]
+    assert broken == {
+        "folder": f"{tmp_path}/b",
+        "error": lines[3].removeprefix("cannot be read: "),
+    }
+    for arguments in (["show", tmp_path / "b"], ["compare", tmp_path / "a", tmp_path / "b"]):
+        assert f"{tmp_path}/b/study.db" in refused(capsys, *arguments)
+
+
+@pytest.mark.parametrize(
+    "result",
+    ["[1]", "{", '{"simulations": 6, "r2_heldout": [1]}', '{"simulations": 6, "r2_heldout": 0}',
+     '{"simulations": 6, "r2_heldout": {"yaw": "good"}}', "\xff"],
+)  # fmt: skip
+def test_a_result_that_is_none_is_left_out(make, capsys, tmp_path, result):
+    make().close()
+    (tmp_path / "one" / "result.json").write_text(result, encoding="latin-1")
+    for arguments in (["list", tmp_path], ["show", tmp_path / "one"]):
+        assert "R²" not in told(capsys, *arguments)
+
+
+# As root it becomes somebody whom permissions hold back, once it has read all that it needs.
+SHUT_OUT = """
+import gettext, locale, os, sys
+from drake_gait.cli.studies import main
+if os.geteuid() == 0:
+    os.setuid(65534)
+sys.exit(main(["list", *sys.argv[1:]]))
+"""
+
+
+def test_a_study_behind_closed_doors_is_one_line(make, tmp_path):
+    for name in ("open", "locked", "sealed", "bare"):
+        make(name).close()
+    with tempfile.TemporaryDirectory() as folder:  # pytest's own is closed to whom root becomes.
+        runs = shutil.copytree(tmp_path, Path(folder) / "runs")
+        for way in (Path(folder), runs):
+            way.chmod(0o755)
+        (runs / "locked").chmod(0o000)
+        (runs / "sealed").chmod(0o444)
+        (runs / "bare" / "study.db").chmod(0o000)
+        ended = subprocess.run(
+            [sys.executable, "-c", SHUT_OUT, runs], check=False, capture_output=True, text=True
+        )
+        for name in ("locked", "sealed"):
+            (runs / name).chmod(0o755)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    lines = ended.stdout.splitlines()
+    assert lines[1].startswith("open ")
+    assert len(lines) == 5
+    for name in ("locked", "sealed", "bare"):
+        assert sum(f"/runs/{name}" in line for line in lines) == 1
+
+
+@pytest.mark.parametrize(
+    ("walks", "sentence"),
+    [
+        ({"walked": 0, "fell": 0, "lost": 0}, "no walk has been simulated yet"),
+        ({"walked": 0, "fell": 0, "lost": 4}, "none of its 4 walks could be simulated to an end"),
+    ],
+)
+def test_a_study_that_nothing_is_known_of_says_so_in_every_command(
+    make, capsys, tmp_path, walks, sentence
+):
+    make("one", **walks).close()
+    make("two", walked=0, fell=1, lost=3).close()
+    one, two = tmp_path / "one", tmp_path / "two"
+    for arguments in (["list", tmp_path], ["show", one], ["compare", one, two]):
+        (line,) = (line for line in told(capsys, *arguments).splitlines() if sentence in line)
+        assert line
+    assert sentence in as_json(capsys, "show", one)["remark"]
+    assert as_json(capsys, "show", two)["remark"] is None
 
 
 @pytest.mark.parametrize("arguments", [["list"], ["show"], ["compare", "nowhere"]])

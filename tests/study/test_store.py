@@ -1,6 +1,10 @@
 """The study file: what it keeps, and whom it lets write."""
 
 import dataclasses
+import errno
+import fcntl
+import os
+import socket
 import sqlite3
 import subprocess
 import sys
@@ -11,6 +15,7 @@ from conftest import DESCRIPTION
 
 from drake_gait.errors import StudyError
 from drake_gait.foot import FootDesign
+from drake_gait.study._lock import is_driven
 from drake_gait.study.store import SCHEMA, Study
 from drake_gait.walk import Outcome, Walk
 
@@ -165,6 +170,53 @@ def test_a_driver_in_another_process_is_refused(study, path):
     )
     assert other.returncode == 1
     assert "another process is working on" in other.stderr
+
+
+@pytest.mark.parametrize("number", [errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS])
+def test_a_file_system_without_locks_is_told_by_its_folder_and_no_process_is_blamed(
+    closed, monkeypatch, number
+):
+    def refuse(file, operation):
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(fcntl, "flock", refuse)
+    for make in (
+        lambda: Study.open(closed, driver=True),
+        lambda: Study.create(closed.with_name("other.db"), DESCRIPTION),
+    ):
+        with pytest.raises(StudyError, match=rf"{closed.parent} has no locks .*--out") as caught:
+            make()
+        assert os.strerror(number) in str(caught.value)
+        assert "another process" not in str(caught.value)
+    assert not is_driven(closed)
+    with Study.open(closed) as study:  # Nobody needs a lock to read it.
+        assert len(study.walks()) == 200
+
+
+@pytest.mark.parametrize("number", [errno.EWOULDBLOCK, errno.EACCES])
+def test_a_lock_that_somebody_has_is_no_lack_of_locks(closed, monkeypatch, number):
+    def refuse(file, operation):
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(fcntl, "flock", refuse)
+    assert is_driven(closed)
+    with pytest.raises(StudyError, match="another process is working on"):
+        Study.open(closed, driver=True)
+
+
+def test_a_refused_driver_is_told_which_process_has_the_study(study, path):
+    holder = rf"process {os.getpid()} on {socket.gethostname()}"
+    for _ in range(2):  # The refused one leaves the name of the other.
+        with pytest.raises(StudyError, match=holder):
+            Study.open(path, driver=True)
+
+
+def test_a_study_has_one_driver_by_whatever_link_it_is_named(study, path, tmp_path):
+    link = tmp_path / "link.db"
+    link.symlink_to(path)
+    assert is_driven(link)
+    with pytest.raises(StudyError, match="another process"):
+        Study.open(link, driver=True)
 
 
 def test_a_closed_study_lets_another_driver_have_it(closed, entry):

@@ -1,6 +1,8 @@
 """What is no study of this version, this robot and these settings is refused."""
 
 import dataclasses
+import os
+import re
 import sqlite3
 import subprocess
 import sys
@@ -11,6 +13,7 @@ import pytest
 from conftest import DESCRIPTION
 
 from drake_gait.errors import StudyError
+from drake_gait.study.settings import read_study
 from drake_gait.study.store import SCHEMA, Study
 
 
@@ -23,6 +26,11 @@ def path(tmp_path):
 def study(path):
     with Study.create(path, DESCRIPTION) as study:
         yield study
+
+
+@pytest.fixture
+def study_settings(paper_study):
+    return read_study(paper_study)
 
 
 def test_a_study_is_not_started_over_another(closed):
@@ -85,6 +93,100 @@ def test_a_study_of_a_newer_schema_is_refused_with_both_schemas(closed, schema, 
         with pytest.raises(StudyError, match=rf"schema {schema}; .* reads schemas 2 to {SCHEMA}:"):
             Study.open(closed, driver=driver)
     assert closed.read_bytes() == content
+
+
+def damage(path, statement):
+    """Change a study's file behind the program's back."""
+    connection = sqlite3.connect(path)
+    with connection:
+        assert connection.execute(statement).rowcount == 1
+    connection.close()
+
+
+@pytest.mark.parametrize(
+    ("statement", "named"),
+    [
+        ("update walks set outcome = 'crawled' where id = 5", "walk 5: outcome 'crawled'"),
+        ("update walks set lateral = 'left' where id = 6", "walk 6 has lateral = 'left'"),
+        ("update walks set ankle_d = x'00' where id = 7", "walk 7 has ankle_d"),
+        ("update walks set stage = x'ff' where id = 8", "walk 8 has stage"),
+        ("update walks set steps = 'all' where id = 9", "walk 9 has steps = 'all'"),
+        ("update walks set predicted_yaw = 'none' where id = 10", "walk 10 has predicted_yaw"),
+        ("update walks set nominal = 1.5 where id = 11", "walk 11 has nominal"),
+        ("update walks set toe_length = 900.0 where id = 12", "walk 12: toe_length"),
+        ("update walks set reason = cast(x'ff41' as text) where id = 13", "UTF-8"),
+        ("update study set value = '{' where key = 'versions'", "versions is no JSON"),
+        ("update study set value = null where key = 'model_sha256'", "model_sha256 is no JSON"),
+        ("update study set value = '7' where key = 'model_sha256'", "model_sha256 is no text"),
+        ("update study set value = '[]' where key = 'settings'", "settings is no table"),
+        ("delete from study where key = 'settings'", "no value of settings"),
+        ("delete from study where key = 'model_sha256'", "no value of model_sha256"),
+        ("delete from study where key = 'schema'", "schema None"),
+        ("insert into study values ('wall_s', '\"long\"')", "wall_s is no number"),
+    ],
+)
+def test_a_value_that_cannot_be_is_refused_by_its_place(closed, statement, named):
+    damage(closed, statement)
+    for driver in (False, True):
+        with pytest.raises(StudyError, match=re.escape(named)) as caught:
+            _read_all(closed, driver)
+        assert str(closed) in str(caught.value)
+        assert "\n" not in str(caught.value)
+
+
+def _read_all(path, driver):
+    with Study.open(path, driver=driver) as study:
+        study.description()
+        study.walks()
+
+
+@pytest.mark.parametrize("value", ["'far'", "x'00'"])
+def test_a_table_refuses_what_its_column_cannot_hold(closed, value):
+    damage(closed, f"update walks set forward = {value} where id = 3")
+    with Study.open(closed) as study, pytest.raises(StudyError, match="forward"):
+        study.table()
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"study.seed": None}, r"no study\.seed"),
+        ({"search.simulations": None}, r"no search\.simulations"),
+        ({"box.centre": None}, "centre"),
+        ({"walk.model": None}, "model"),
+        ({"search.samples": "many"}, r"search\.samples .*many"),
+        ({"box.half_width": [[1, 2], [3]]}, "settings"),
+        ({"search.patience": 3}, "patience"),
+        ({"weather.rain": 1}, "weather"),
+        ({"walk.fidelity": "quick"}, "quick"),
+        ({"servo.damping": "soft"}, "soft|settings"),
+    ],
+)
+def test_settings_that_cannot_be_used_are_refused_by_their_name(
+    path, study_settings, change, named
+):
+    settings = {**study_settings.description(), **change}
+    settings = {key: value for key, value in settings.items() if value is not None}
+    with Study.create(path, {**DESCRIPTION, "settings": settings}) as made:
+        with pytest.raises(StudyError, match=named) as caught:
+            made.settings()
+        assert str(path) in str(caught.value)
+
+
+def test_the_settings_of_a_study_return_as_they_were(path, study_settings):
+    description = study_settings.description()
+    with Study.create(path, {**DESCRIPTION, "settings": description}) as made:
+        assert made.settings().description() == description
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "a\0b", "file/study.db", "fifo", "loop"])
+def test_a_path_that_is_no_file_is_one_line(tmp_path, name):
+    (tmp_path / "file").write_text("a letter")
+    (tmp_path / "loop").symlink_to("loop")
+    os.mkfifo(tmp_path / "fifo")
+    with pytest.raises(StudyError, match=r"study file .*tmp|study file .*pytest") as caught:
+        Study.open(tmp_path / name)
+    assert "\n" not in str(caught.value)
 
 
 def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path):

@@ -96,7 +96,7 @@ def walk(number):
 
 for size in range(4, 200, 4):
     subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={size}k", "tmpfs", disk], check=True)
-    path, added, told = disk / "run" / "study.db", 0, "nothing"
+    path, added, told, readable = disk / "run" / "study.db", 0, "nothing", True
     try:
         with Study.create(path, description) as study:
             for number in range(500):
@@ -104,13 +104,16 @@ for size in range(4, 200, 4):
                 added = number + 1
     except StudyError as error:
         told = str(error)
+    if path.exists():  # While it is full it is read.
+        with Study.open(path) as study:
+            readable = [walk.id for walk in study.walks()] == list(range(added))
     subprocess.run(["mount", "-o", "remount,size=10M", disk], check=True)
     again = Study.open(path, driver=True) if path.exists() else Study.create(path, description)
     with again as study:
         same = study.description()["notes"] == description["notes"]
         kept = [walk.id for walk in study.walks()] == list(range(added))
         study.add(walk(500))
-    print(size, added, same and kept, told, sep="|")
+    print(size, added, same and kept and readable, told, sep="|")
     subprocess.run(["umount", disk], check=True)
 """
 
