@@ -1,13 +1,13 @@
 """The SQLite file of a study: opened so that a copy of it alone is the study, at any moment.
 
-The driver commits into SQLite's write-ahead log, which costs no wait for the disk. A thread brings
-the commits into the file itself at most half a second later, and empties the log. Closing the file
-removes the log. So a copy of the file lacks the walks of the last moments at most.
+The driver commits into SQLite's write-ahead log, which costs no wait for the disk (`synchronous =
+normal`). A thread brings the commits into the file itself at most half a second later, and empties
+the log. Closing the file removes the log. So a copy of the file lacks the last moments at most.
 
 Readers create, change and lock nothing that a driver could trip over. Beside a driver they read its
-log; a study that nobody drives is read with what a killed driver has left in the log, without any
-lock or shared memory: on full, read-only and lockless disks too. The driver of another computer
-shares no memory with a reader, who sees the file itself.
+log. A study that nobody drives is read with what a killed driver has left in the log. That takes no
+lock, no shared memory and no room, so full, read-only and lockless disks will do. The driver of
+another computer shares no memory with a reader, who sees the file itself.
 """
 
 import os
@@ -52,7 +52,7 @@ class Database:
             return
         with reporting(path):
             self._driver = _whole(_connect(path, "mode=rw"), path)
-        self._identity = _identity(path)
+            self._identity = _identity(path)
 
     def begin_writing(self) -> None:
         """Have the driver commit into a log; before this, nothing of the file is changed.
@@ -62,7 +62,7 @@ class Database:
         """
         if self._driver is None:
             raise self._readonly()
-        with reporting(self.path):
+        with self._in_place():
             self._driver.execute("pragma journal_mode = wal").fetchall()
             # A power cut loses the last moments, and the file stays sound.
             self._driver.execute("pragma synchronous = normal").fetchall()
@@ -94,8 +94,7 @@ class Database:
         """
         if self._driver is None or self._emptying is None:
             raise self._readonly()
-        with reporting(self.path):
-            self._require_in_place()
+        with self._in_place():
             self._emptying.require_success()
             with self._driver:
                 yield self._driver
@@ -105,14 +104,15 @@ class Database:
         """Close the file, as one file that is complete, and let another driver have it."""
         if self._driver is None or self._lock is None:
             return
-        if self._emptying is not None:
-            self._emptying.stop()
-            self._emptying.join()
-            with suppress(sqlite3.DatabaseError, StudyError):  # On a full disk the log stays.
-                self._settle(self._driver)
-        self._driver.close()
-        self._driver = None
-        self._lock.close()
+        try:
+            if self._emptying is not None:
+                self._emptying.end()
+                with suppress(sqlite3.DatabaseError, StudyError):  # On a full disk the log stays.
+                    self._settle(self._driver)
+        finally:
+            self._driver.close()
+            self._driver = None
+            self._lock.close()
 
     def _readonly(self) -> StudyError:
         return StudyError(f"{self.path} is open readonly; Study.open(path, driver=True) writes")
@@ -127,6 +127,17 @@ class Database:
             with suppress(sqlite3.OperationalError):
                 connection.execute("pragma journal_mode = delete").fetchall()
                 return
+
+    @contextmanager
+    def _in_place(self) -> Iterator[None]:
+        """Inside, the file is written; an error that comes of its absence says so."""
+        self._require_in_place()
+        try:
+            with reporting(self.path):
+                yield
+        except StudyError:
+            self._require_in_place()
+            raise
 
     def _require_in_place(self) -> None:
         """Refuse to write a file that has lost its name: nobody would find the walks."""
@@ -161,8 +172,9 @@ class _Emptying:
         self._stopping.set()
         self._changed.set()
 
-    def join(self) -> None:
-        """Wait for its end."""
+    def end(self) -> None:
+        """End the thread, and wait until it has ended."""
+        self.stop()
         self._thread.join()
 
     def require_success(self) -> None:
@@ -176,13 +188,22 @@ class _Emptying:
             with closing(_connect(self._path, "mode=rw", timeout=0.0)) as connection:
                 while self._changed.wait() and not self._stopping.is_set():
                     self._changed.clear()
-                    query = connection.execute("pragma wal_checkpoint(truncate)")
-                    (busy, *_), *_ = query.fetchall()
-                    if busy:  # A reader is in the midst of it.
+                    if not _emptied(connection):
                         self._changed.set()
                     self._stopping.wait(_PAUSE)
         except sqlite3.Error as error:
             self._error = error
+
+
+def _emptied(connection: sqlite3.Connection) -> bool:
+    """Empty the log as far as readers let it; True if nothing is left."""
+    try:
+        ((busy, *_),) = connection.execute("pragma wal_checkpoint(truncate)").fetchall()
+    except sqlite3.OperationalError as error:
+        if error.sqlite_errorcode & 0xFF not in _LOCKED:
+            raise
+        return False
+    return not busy
 
 
 @contextmanager
@@ -194,6 +215,8 @@ def reporting(path: Path) -> Iterator[None]:
         raise  # A bug of ours.
     except sqlite3.DatabaseError as error:
         raise _study_error(path, error) from None
+    except OSError as error:
+        raise StudyError(f"study file {path} cannot be read: {error.strerror}") from None
 
 
 def damaged(path: Path, why: object) -> StudyError:

@@ -42,10 +42,13 @@ COLUMNS = (
     + ["seconds real not null", "finished text not null"]
 )
 NAMES = [column.split()[0] for column in COLUMNS]
-_TYPES: dict[str, tuple[type, ...]] = {"integer": (int,), "real": (int, float), "text": (str,)}
+_TYPES: dict[str, tuple[str, tuple[type, ...]]] = {
+    "integer": ("whole number", (int,)),
+    "real": ("number", (int, float)),
+    "text": ("text", (str,)),
+}
 _CONTENTS = {
-    name: (kind, _TYPES[kind], bool(constraints))
-    for name, kind, *constraints in map(str.split, COLUMNS)
+    name: (*_TYPES[kind], bool(constraints)) for name, kind, *constraints in map(str.split, COLUMNS)
 }
 """What a column holds: its kind, the types of its values, and whether every row has one."""
 
@@ -89,17 +92,24 @@ def to_row(entry: StudyWalk) -> list[Any]:
     )
 
 
-def from_row(row: Mapping[str, Any]) -> StudyWalk:
-    """The walk of a row, given by its columns' names.
+def require_types(row: Mapping[str, Any]) -> None:
+    """Refuse a row that a column's value does not fit; SQLite itself takes anything anywhere.
 
     Raises:
-        StudyError: a value is not one that its column can have; names both.
+        StudyError: names the walk, the column and the value.
     """
     for name, (kind, types, needed) in _CONTENTS.items():
         value = row[name]
         if not isinstance(value, types) and (needed or value is not None):
-            kind = {"integer": "whole number", "real": "number"}.get(kind, kind)
             raise StudyError(f"walk {row['id']} has {name} = {_short(value)}, which is no {kind}")
+
+
+def from_row(row: Mapping[str, Any]) -> StudyWalk:
+    """The walk of a row, given by its columns' names.
+
+    Raises:
+        StudyError: a value is not one that a walk can have; names the walk.
+    """
     try:
         return _walk_of(row)
     except GaitError as error:

@@ -29,7 +29,15 @@ from numpy.typing import NDArray
 from drake_gait.errors import GaitError, StudyError
 from drake_gait.study._database import Database, damaged, write_new
 from drake_gait.study._lock import driver_lock
-from drake_gait.study.records import COLUMNS, CONFIRMATIONS, NAMES, StudyWalk, from_row, to_row
+from drake_gait.study.records import (
+    COLUMNS,
+    CONFIRMATIONS,
+    NAMES,
+    StudyWalk,
+    from_row,
+    require_types,
+    to_row,
+)
 from drake_gait.study.settings import StudySettings, study_settings
 
 SCHEMA = 3
@@ -277,10 +285,19 @@ class Study:
             )
 
     def rows(self) -> tuple[list[str], list[tuple[Any, ...]]]:
-        """Names of all columns, and all walks so far, one tuple each, in the order of their ids."""
+        """Names of all columns, and all walks so far, one tuple each, in the order of their ids.
+
+        Raises:
+            StudyError: a value is none that its column can have.
+        """
         lacking = self._lacking()
         columns = (f"null as {name}" if name in lacking else name for name in NAMES)
         found = self._database.rows(f"select {', '.join(columns)} from walks order by id")
+        try:
+            for row in found:
+                require_types(dict(zip(NAMES, row, strict=True)))
+        except StudyError as error:
+            raise damaged(self.path, error) from None
         return list(NAMES), found
 
     def table(self) -> dict[str, NDArray[Any]]:
@@ -290,19 +307,12 @@ class Study:
             Every column of the file by its name, shape (n,): whole numbers as int64, others and
             those that a walk may lack as float64 (nan where it does), text as str. Units are those
             of docs/studies.md.
-
-        Raises:
-            StudyError: a value is none that its column can have.
         """
         names, rows = self.rows()
         columns = zip(*rows, strict=True) if rows else [()] * len(names)
-        found = {}
-        for name, values in zip(names, columns, strict=True):
-            try:
-                found[name] = _column(values, _KINDS[name])
-            except (ValueError, TypeError) as error:
-                raise damaged(self.path, f"{name}: {error}") from None
-        return found
+        return {
+            name: _column(values, _KINDS[name]) for name, values in zip(names, columns, strict=True)
+        }
 
     def walks(self) -> list[StudyWalk]:
         """All walks so far, in the order of their ids.

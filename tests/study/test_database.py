@@ -15,6 +15,7 @@ import pytest
 from conftest import DESCRIPTION, OWN_MOUNTS, WRITER, may_mount
 
 from drake_gait.errors import StudyError
+from drake_gait.study import _database as database
 from drake_gait.study.store import Study
 
 
@@ -239,6 +240,19 @@ def test_a_driver_whose_file_has_gone_says_so_at_the_next_walk(path, entry, lose
             assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("lose", [shutil.rmtree, move, replace, delete_file])
+def test_a_file_that_goes_while_it_is_opened_is_no_fault_of_the_disk(closed, monkeypatch, lose):
+    begin = database.Database.begin_writing
+
+    def begin_too_late(self):
+        lose(closed.parent)
+        begin(self)
+
+    monkeypatch.setattr(database.Database, "begin_writing", begin_too_late)
+    with pytest.raises(StudyError, match="was deleted, moved"):
+        Study.open(closed, driver=True)
+
+
 def test_a_moved_study_has_its_walks_where_it_was_moved_to(path, entry):
     with Study.create(path, DESCRIPTION) as study:
         for number in range(7):
@@ -258,6 +272,7 @@ def test_a_moved_study_has_its_walks_where_it_was_moved_to(path, entry):
 SHUT_OUT = """
 import os, sys
 from pathlib import Path
+from drake_gait import database
 from drake_gait.errors import StudyError
 from drake_gait.study.store import Study
 folder = Path(sys.argv[1])

@@ -143,8 +143,9 @@ def _read_all(path, driver):
 @pytest.mark.parametrize("value", ["'far'", "x'00'"])
 def test_a_table_refuses_what_its_column_cannot_hold(closed, value):
     damage(closed, f"update walks set forward = {value} where id = 3")
-    with Study.open(closed) as study, pytest.raises(StudyError, match="forward"):
-        study.table()
+    for read in (Study.table, Study.rows):
+        with Study.open(closed) as study, pytest.raises(StudyError, match="walk 3 has forward"):
+            read(study)
 
 
 @pytest.mark.parametrize(
