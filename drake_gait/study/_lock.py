@@ -76,8 +76,9 @@ def is_driven_elsewhere(path: Path) -> bool:
 
 
 def _lock_file(path: Path) -> Path:
-    """The lock beside the file itself, by whatever link it was named."""
-    return Path(os.path.realpath(path)).with_suffix(".lock")
+    """The lock beside the file itself, by whatever link it was named; a copy has its own."""
+    path = Path(os.path.realpath(path))
+    return path.with_suffix(".lock") if path.suffix == ".db" else Path(f"{path}.lock")
 
 
 def _sign(lock: IO[str]) -> None:

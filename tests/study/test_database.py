@@ -16,6 +16,7 @@ from conftest import DESCRIPTION, OWN_MOUNTS, WRITER, may_mount
 
 from drake_gait.errors import StudyError
 from drake_gait.study import _database as database
+from drake_gait.study._lock import is_driven
 from drake_gait.study.store import Study
 
 
@@ -89,6 +90,19 @@ def test_a_copy_is_a_study_that_goes_on(driver, path, entry):
     assert ids(path) == [0]
 
 
+@pytest.mark.parametrize("name", ["study.bak", "study.db.old", "study 2.db"])
+def test_a_copy_beside_a_running_study_is_not_running_and_is_left_as_it_is(
+    driver, path, entry, name
+):
+    driver.add(entry)
+    copied(path, 1)
+    copy = Path(shutil.copy(path, path.with_name(name)))
+    assert is_driven(path)
+    assert not is_driven(copy)
+    assert ids(copy) == [0]
+    assert not [item for item in path.parent.iterdir() if item.name.startswith(f"{name}-")]
+
+
 def test_the_file_alone_of_a_killed_study_lacks_the_last_moments_at_most(path):
     command = [sys.executable, "-c", WRITER, path, "0.02"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as writer:
@@ -156,6 +170,7 @@ def test_a_committed_study_is_read_without_a_trace(repository, name):
 NO_ROOM = """
 import errno, shutil, subprocess, sys
 from pathlib import Path
+from drake_gait.study._lock import is_driven
 from drake_gait.study.store import Study
 
 disk = Path(sys.argv[1])
@@ -274,6 +289,7 @@ import os, sys
 from pathlib import Path
 from drake_gait import database
 from drake_gait.errors import StudyError
+from drake_gait.study._lock import is_driven
 from drake_gait.study.store import Study
 folder = Path(sys.argv[1])
 if os.geteuid() == 0:
