@@ -15,12 +15,11 @@ from drake_gait.walk import Integrator, WalkSettings
 
 
 @pytest.fixture(params=["best", "reference"])
-def committed(request, repository, tmp_path):
-    """Settings, a copy of the study's file (opening one writes beside it) and its result."""
+def committed(request, repository):
+    """Settings, the study and its result."""
     folder = repository / "studies" / request.param
-    (tmp_path / "study.db").write_bytes((folder / "study.db").read_bytes())
     result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
-    with Study.open(tmp_path) as study:
+    with Study.open(folder) as study:
         yield read_study(repository / "studies" / f"{request.param}.toml"), study, result
 
 
