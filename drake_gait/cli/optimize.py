@@ -25,13 +25,11 @@ from drake_gait.optimization import open_study, run_study
 from drake_gait.report.build import write_outputs
 from drake_gait.report.result import (
     baselines_line,
-    in_words,
     manner_in_words,
     r_squared_line,
     robust_table,
     table,
 )
-from drake_gait.study.records import CONFIRMATIONS
 from drake_gait.study.settings import StudySettings, default_study, read_override, read_study
 from drake_gait.study.store import Study
 from drake_gait.surrogates.ensemble import FEWEST_SURVIVORS
@@ -122,7 +120,7 @@ def _run(settings: StudySettings, folder: Path, workers: int, dask: str | None) 
                 "starts another study"
             )
         else:
-            walks = sum(walk.id < CONFIRMATIONS for walk in study.walks())
+            walks = sum(walk.is_search_walk for walk in study.walks())
             with display(settings, walks) as show:
                 run_study(settings, study, workers, show, dask=dask)
         _write_results(settings, study, folder)
@@ -133,22 +131,21 @@ def _write_results(settings: StudySettings, study: Study, folder: Path) -> None:
     """Write what the study's folder is to hold, and print the table."""
     walks, wall_s = study.walks(), study.description().get("wall_s", 0.0)
     written = write_outputs(settings, walks, folder, wall_s=wall_s)
+    searched = sum(walk.is_search_walk for walk in walks)
     if written.network is not None:
-        print(f"network of all {len(walks)} walks: {r_squared_line(written.network)}")
+        print(f"network of all {searched} walks: {r_squared_line(written.network)}")
         print(baselines_line(written.result))
     else:
         print(
-            f"no network: {written.result['survivors']} of {len(walks)} walks survived, and it "
-            f"needs {FEWEST_SURVIVORS}; move the box to gaits that walk, or draw more samples"
+            f"no network: {written.result['survivors']} of {searched} walks survived, and it "
+            f"needs {FEWEST_SURVIVORS}; move the box to gaits that walk, or let more be simulated"
         )
     print(f"\n{table(walks, settings.constraints)}\n")
     print(f"walked again, with noise and other friction:\n{robust_table(settings, walks)}\n")
-    feasible = written.result["feasible"]
-    verdict = "best feasible walk" if feasible else "no feasible walk; the nearest"
-    print(f"{verdict}: {in_words(written.best.walk)}")
-    if written.replayed.measures is not None:
+    print(written.result["verdict"])
+    if written.replayed is not None and written.replayed.measures is not None:
         print(f"how it walks: {manner_in_words(written.replayed.measures)}")
-    print(f"{folder}: report.html, result.json, walk.html, study.db, figures")
+    print(f"{folder}: {', '.join(written.files)}")
 
 
 if __name__ == "__main__":

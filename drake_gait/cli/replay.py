@@ -184,7 +184,7 @@ def _find(walks: list[StudyWalk], number: int) -> StudyWalk:
     for walk in walks:
         if walk.id == number:
             return walk
-    last = max(walk.id for walk in walks if walk.id < CONFIRMATIONS)
+    last = max(walk.id for walk in walks if walk.is_search_walk)
     raise StudyError(
         f"no walk {number}; the study has walks 0 to {last}, and from {CONFIRMATIONS} on those "
         "that confirm"

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from drake_gait.errors import GaitError, StudyError
+from drake_gait.errors import GaitError
 from drake_gait.report.build import write_outputs
 from drake_gait.report.page import Run, read_result, write_comparison_page
 from drake_gait.study.store import Study
@@ -40,8 +40,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _remake(folder: Path) -> None:
     with Study.open(folder / "study.db") as study:
         description, settings, walks = study.description(), study.settings(), study.walks()
-    if not walks:
-        raise StudyError(f"{folder} has no walks yet")
     write_outputs(settings, walks, folder, wall_s=description.get("wall_s", 0.0))
     print(folder / "report.html")
 

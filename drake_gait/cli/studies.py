@@ -6,7 +6,6 @@ same for other programs, in SI units.
 """
 
 import argparse
-import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -16,6 +15,7 @@ import numpy as np
 
 from drake_gait.cli._signals import forget_pipe
 from drake_gait.errors import GaitError, StudyError
+from drake_gait.files.strict_json import to_json
 from drake_gait.report.status import Standing, standing, studies_in
 
 _WIDEST = 48  # Of a value in a table [characters]; --json has all of it.
@@ -32,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 2
     try:
-        print(json.dumps(plain, indent=2) if options.json else text, flush=True)
+        print(to_json(plain) if options.json else text, flush=True)
     except BrokenPipeError:
         forget_pipe()
     return 0

@@ -240,7 +240,7 @@ def _write_results(sweep: Sweep, out: Path) -> None:
         },
         out / "sweep.png",
     )
-    costs = [(row["forward_mm"], row[COST]) for row in rows if row["feasible"] and COST in row]
+    costs = [(row["forward_mm"], row[COST]) for row in rows if row["feasible"] and row.get(COST)]
     if costs:
         forward, cost = zip(*costs, strict=True)
         study_figures.pareto(forward, cost, [True] * len(costs), out / "pareto.png")

@@ -1,7 +1,6 @@
 """What a study leaves in its folder beside study.db: its report and all that is in it."""
 
-import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -9,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from drake_gait.errors import StudyError
+from drake_gait.files.strict_json import plain, to_json
 from drake_gait.gait import FloatArray
 from drake_gait.report.page import FIGURES, PORTRAIT, Run, write_study_page
 from drake_gait.report.result import in_words, summary
-from drake_gait.search.confirmation import STAGE, measured, winner
+from drake_gait.search.confirmation import measured, winner
 from drake_gait.search.proposer import training_data
 from drake_gait.simulation.plant import stall_torques
 from drake_gait.simulation.simulate import simulate
@@ -32,6 +32,11 @@ from drake_gait.walk import History, Measures, Walk
 
 _ROOM = 0.17  # from one exposure of a portrait to the next [m]
 _MOST_EXPOSURES = 4
+_RECORDING = "walk.html"
+_OF_A_WALK = ("waveforms", "paths", "ground_reaction", "torques", "postures", "portrait")
+_OF_SURVIVORS = ("coordinates",)
+_OF_MEASURED = ("pareto",)  # Few walks of a study are.
+_OF_A_NETWORK = ("network", "sensitivity")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,12 +45,14 @@ class Outputs:
 
     result: dict[str, Any]
     """The content of result.json."""
-    best: StudyWalk
-    """The furthest feasible walk, or the one nearest to feasible."""
-    replayed: Walk
+    best: StudyWalk | None
+    """The furthest feasible walk, or the one nearest to feasible; None of a study without walks."""
+    replayed: Walk | None
     """The same walk, with its history and measures."""
     network: Surrogate | None
     """The network of all walks, if enough survived."""
+    files: tuple[str, ...]
+    """Names of what is in the study's folder now, its figures as their folder."""
 
 
 def write_outputs(
@@ -53,34 +60,70 @@ def write_outputs(
 ) -> Outputs:
     """Write result.json, walk.html, the figures and report.html of a study's walks into its folder.
 
+    Of a study without walks there are result.json and report.html only, and no recording of a walk
+    that cannot be simulated to its end. Files of an earlier report that are not made again go.
+
     Raises:
         GaitError: a file cannot be written.
     """
-    searched = [walk for walk in walks if walk.stage != STAGE]
+    searched = [walk for walk in walks if walk.is_search_walk]
     network, baselines = _learnt(settings, searched)
     robust = winner(settings, walks)
     objective = settings.search.objective
-    best = robust.walk if robust else best_walk(searched, settings.constraints, objective)
-    replayed = simulate(best.candidate, settings.walk, history=True)
-    jumps = np.degrees(np.abs(best.candidate.gait.jumps)).max(axis=1)
-    result = {
+    best = robust.walk if robust else None
+    if best is None and searched:
+        best = best_walk(searched, settings.constraints, objective)
+    replayed = simulate(best.candidate, settings.walk, history=True) if best else None
+    measures = replayed.measures if replayed else None
+    result: dict[str, Any] = plain({
         **summary(settings, walks, network, wall_s=wall_s, baselines=baselines),
-        "measures": asdict(replayed.measures) if replayed.measures else None,
-        "jumps_deg": {"0.3 s": float(jumps[0]), "3.3 s": float(jumps[1])},
-    }
+        "measures": asdict(measures) if measures else None,
+        "jumps_deg": _jumps(best) if best else None,
+    })  # fmt: skip
     try:
-        (folder / "result.json").write_text(json.dumps(result, indent=2) + "\n")
+        (folder / "result.json").write_text(to_json(result) + "\n", encoding="utf-8")
         (folder / FIGURES).mkdir(exist_ok=True)
+        _forget_unmade(folder, searched, replayed, network)
     except OSError as error:
         raise StudyError(f"cannot write {error.filename}: {error.strerror}") from None
-    _draw_walk(settings, best, replayed, folder)
-    label = "winner" if robust else "best walk"
-    _draw_search(settings, searched, best, folder / FIGURES, measured(walks), label)
+    if best is not None and replayed is not None:
+        _draw_walk(settings, best, replayed, folder)
+        label = "winner" if robust else "best walk"
+        _draw_search(settings, searched, best, folder / FIGURES, measured(walks), label)
     if network is not None:
         _draw_network(settings, network, folder / FIGURES)
     run = Run(folder=folder, settings=settings, result=result, walks=walks)
     write_study_page(run, folder / "report.html")
-    return Outputs(result=result, best=best, replayed=replayed, network=network)
+    return Outputs(
+        result=result, best=best, replayed=replayed, network=network, files=_files(folder)
+    )
+
+
+def _jumps(best: StudyWalk) -> dict[str, float]:
+    jumps = np.degrees(np.abs(best.candidate.gait.jumps)).max(axis=1)
+    return {"0.3 s": float(jumps[0]), "3.3 s": float(jumps[1])}
+
+
+def _forget_unmade(
+    folder: Path, walks: Sequence[StudyWalk], replayed: Walk | None, network: Surrogate | None
+) -> None:
+    """Remove what an earlier report left and this one does not make: a page shows what it finds."""
+    names = list(_OF_MEASURED)
+    if replayed is None or replayed.history is None:
+        names += _OF_A_WALK
+        (folder / _RECORDING).unlink(missing_ok=True)
+    if not any(walk.walk.survived for walk in walks):
+        names += _OF_SURVIVORS
+    if network is None:
+        names += _OF_A_NETWORK
+    for path in (folder / FIGURES / f"{name}{kind}" for name in names for kind in (".svg", ".png")):
+        path.unlink(missing_ok=True)
+
+
+def _files(folder: Path) -> tuple[str, ...]:
+    names = ("report.html", "result.json", _RECORDING, "study.db")
+    found = [name for name in names if (folder / name).is_file()]
+    return (*found, *([FIGURES] if any((folder / FIGURES).iterdir()) else []))
 
 
 def _learnt(
@@ -100,7 +143,7 @@ def _draw_walk(settings: StudySettings, best: StudyWalk, replayed: Walk, folder:
     if history is None:
         return
     caption = f"{settings.name}, walk {best.id}: {in_words(best.walk)}"
-    record(replayed, best.candidate, folder / "walk.html", model=model, caption=caption)
+    record(replayed, best.candidate, folder / _RECORDING, model=model, caption=caption)
     target = folder / FIGURES
     walk_figures.waveforms(history, target / "waveforms")
     walk_figures.paths(history, target / "paths")
@@ -134,7 +177,7 @@ def _draw_search(
         [1e3 * walk.walk.forward if walk.walk.survived else np.nan for walk in walks],
         [settings.assess(walk.walk).feasible for walk in walks],
         folder / "convergence",
-        samples=settings.search.samples,
+        samples=sum(walk.stage == "design" for walk in walks),
     )
     survivors = [walk for walk in walks if walk.walk.survived]
     if not survivors:

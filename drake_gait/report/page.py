@@ -5,7 +5,6 @@ A page loads nothing: figures and recording are inside it.
 
 import base64
 import gzip
-import json
 import math
 import re
 import shlex
@@ -20,10 +19,11 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from drake_gait.errors import GaitError, StudyError
+from drake_gait.files.strict_json import from_json
 from drake_gait.gait import FRAMES
 from drake_gait.report import tables as report_tables
 from drake_gait.report.result import PAPER_TABLE
-from drake_gait.report.tables import number
+from drake_gait.report.tables import number, scaled
 from drake_gait.search.confirmation import shuffles
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings, default_study, overrides, read_study
@@ -72,10 +72,9 @@ def write_study_page(run: Run, path: Path) -> None:
         settings=run.settings,
         paper_best=number(PAPER_TABLE[-1][1], 2),
         frames=FRAMES,
-        ratio=number(result["forward_mm"] / PAPER_TABLE[-1][1], 1),
+        ratio=scaled(result["forward_mm"], 1.0 / PAPER_TABLE[-1][1], 1),
         degrees=math.degrees(1.0),
-        shuffles=measures is not None
-        and shuffles(measures["slip"], 1e-3 * result["forward_mm"]),
+        shuffles=_shuffles(result),
         limits={
             "lateral": number(1e3 * limits.lateral, 0),
             "yaw": number(math.degrees(limits.yaw), 0),
@@ -90,12 +89,12 @@ def write_study_page(run: Run, path: Path) -> None:
         finalists=report_tables.finalists(result),
         tables={
             "paper": report_tables.beside_the_paper(run.walks, limits),
-            "coefficients": report_tables.coefficients(result["coefficients_deg"]),
-            "foot": report_tables.foot(result["foot"]),
+            "coefficients": report_tables.coefficients(result["coefficients_deg"] or []),
+            "foot": report_tables.foot(result["foot"] or {}),
             "dropped": report_tables.finalists(result, dropped=True),
             "finalists_manner": report_tables.manner_of_finalists(result),
             "manner": report_tables.manner(measures) if measures else None,
-            "stages": report_tables.stages(run.walks, limits),
+            "stages": report_tables.stages(run.walks, run.settings),
             "failures": report_tables.failures(run.walks),
             "network": report_tables.network(result),
             "settings": report_tables.settings(run.settings.description()),
@@ -131,9 +130,23 @@ def write_comparison_page(runs: Sequence[Run], path: Path) -> None:
         figures=[figure for figure in shown if figure["of"]],
         versions=[report_tables.versions(run.result["versions"]) for run in runs],
         commands=[(run.name, command(run)) for run in runs],
-        furthest=max(runs, key=lambda run: (run.result["feasible"], run.result["forward_mm"])),
+        furthest=max(runs, key=_place),
     )  # fmt: skip
     _write(page, path)
+
+
+def _shuffles(result: Mapping[str, Any]) -> bool:
+    """Whether the walk of a result advances by sliding; not where that was not measured."""
+    slip, forward = (result.get("measures") or {}).get("slip"), result["forward_mm"]
+    if slip is None or None in slip or forward is None:
+        return False
+    return shuffles(slip, 1e-3 * forward)
+
+
+def _place(run: Run) -> tuple[bool, float]:
+    """Sorts studies, the one that went furthest last."""
+    forward = run.result["forward_mm"]
+    return bool(run.result["feasible"]), -math.inf if forward is None else float(forward)
 
 
 def command(run: Run) -> str:
@@ -159,7 +172,7 @@ def read_result(folder: Path) -> dict[str, Any]:
     """
     path = folder / "result.json"
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = from_json(path.read_bytes())
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise StudyError(
@@ -180,6 +193,7 @@ def _environment() -> Environment:
         lstrip_blocks=True,
     )
     environment.filters["number"] = number
+    environment.filters["scaled"] = scaled
     return environment
 
 

@@ -1,6 +1,7 @@
 """A study's outcome in numbers: what result.json holds, and tables like the paper's Table II."""
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -8,13 +9,13 @@ import numpy as np
 
 from drake_gait.problem.problem import OUTPUTS, Constraints
 from drake_gait.provenance import versions
-from drake_gait.search.confirmation import STAGE, Finalist, best_unslipping, finalists, winner
+from drake_gait.search.confirmation import Finalist, best_unslipping, finalists, winner
 from drake_gait.study.ranking import best_walk, feasible_walks
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
 from drake_gait.surrogates.baselines import Comparison
 from drake_gait.surrogates.ensemble import Surrogate
-from drake_gait.walk import Measures, Walk
+from drake_gait.walk import Measures, Outcome, Walk
 
 PAPER_TABLE = (
     # X_f [mm], Z_f [mm], R_f [deg], N: the paper's Table II, F1 to F8.
@@ -37,13 +38,16 @@ def summary(
     baselines: Comparison | None = None,
     wall_s: float,
 ) -> dict[str, Any]:
-    """What result.json holds: the best walk, how the search went, and with what.
+    """Return what result.json holds: the best walk, how the search went, and with what.
 
     Lengths in millimetres and angles in degrees where the key says so; the foot in SI units. Where
-    no walk is feasible, the best is the one nearest to it.
+    no walk is feasible, the best is the one nearest to it. A number that is not known is None: all
+    of a study without walks, and the distance of a walk that could not be simulated to its end.
     """
-    searched = [walk for walk in walks if walk.stage != STAGE]
-    nominal_best = best_walk(searched, settings.constraints, settings.search.objective)
+    searched = [walk for walk in walks if walk.is_search_walk]
+    nominal_best = (
+        best_walk(searched, settings.constraints, settings.search.objective) if searched else None
+    )
     robust = winner(settings, walks)
     best = robust.walk if robust else nominal_best
     unslipping = best_unslipping(settings, walks)
@@ -51,20 +55,18 @@ def summary(
         "study": settings.name,
         "seed": settings.seed,
         "mode": str(settings.search.mode),
-        "walk": best.id,
+        "verdict": verdict(settings, walks),
+        "walk": best.id if best else None,
         "winner": robust.walk.id if robust else None,
-        "nominal_best": nominal_best.id,
+        "nominal_best": nominal_best.id if nominal_best else None,
         "best_unslipping": unslipping.id if unslipping else None,
         "finalists": [_finalist(settings, one) for one in finalists(settings, walks)],
-        "feasible": settings.assess(best.walk).feasible,
-        "outcome": str(best.walk.outcome),
-        "forward_mm": 1e3 * best.walk.forward,
-        "lateral_mm": 1e3 * best.walk.lateral,
-        "yaw_deg": float(np.degrees(best.walk.yaw)),
-        "com_height_mm": 1e3 * best.walk.com_height,
-        "steps": best.walk.steps,
-        "coefficients_deg": best.candidate.gait.degrees.tolist(),
-        "foot": asdict(best.candidate.foot),
+        "feasible": best is not None and settings.assess(best.walk).feasible,
+        "outcome": str(best.walk.outcome) if best else None,
+        **_distances(best.walk if best else None),
+        "steps": best.walk.steps if best else None,
+        "coefficients_deg": best.candidate.gait.degrees.tolist() if best else None,
+        "foot": asdict(best.candidate.foot) if best else None,
         "simulations": len(searched),
         "confirmations": len(walks) - len(searched),
         "survivors": sum(walk.walk.survived for walk in searched),
@@ -78,6 +80,41 @@ def summary(
         "wall_s": wall_s,
         "versions": versions(),
     }
+
+
+def _distances(walk: Walk | None) -> dict[str, float | None]:
+    """Return the paper's numbers of a walk but N; None of a walk that was not simulated."""
+    names = ("forward_mm", "lateral_mm", "yaw_deg", "com_height_mm")
+    if walk is None or walk.outcome is Outcome.DIVERGED:
+        return dict.fromkeys(names)
+    lengths = (1e3 * walk.forward, 1e3 * walk.lateral)
+    numbers = (*lengths, float(np.degrees(walk.yaw)), 1e3 * walk.com_height)
+    return dict(zip(names, numbers, strict=True))
+
+
+def verdict(settings: StudySettings, walks: Sequence[StudyWalk]) -> str:
+    """Return the outcome of a study in one sentence, whatever became of its walks."""
+    searched = [walk for walk in walks if walk.is_search_walk]
+    if not searched:
+        return "No walk has been simulated yet."
+    count = f"{len(searched)} walk{'s' if len(searched) > 1 else ''}"
+    if all(walk.walk.outcome is Outcome.DIVERGED for walk in searched):
+        causes = Counter(str(walk.walk.failure) for walk in searched).most_common()
+        told = ", ".join(f"{cause} {number}" for cause, number in causes)
+        return f"None of {count} could be simulated to its end ({told})."
+    best = best_walk(searched, settings.constraints, settings.search.objective)
+    words = f"walk {best.id}: {in_words(best.walk)}"
+    if not settings.assess(best.walk).feasible:
+        fallen = not any(walk.walk.survived for walk in searched)
+        why = "ends on its feet" if fallen else "holds all constraints"
+        return f"None of {count} {why}; the nearest is {words}."
+    robust = winner(settings, walks)
+    if robust is None:
+        return f"The best of {count} is {words}."
+    return (
+        f"The winner of {count} is walk {robust.walk.id}: {1e3 * robust.median:.1f} mm in the "
+        f"median of {len(robust.variations)} walks with noise."
+    )
 
 
 def _finalist(settings: StudySettings, finalist: Finalist) -> dict[str, Any]:
@@ -96,9 +133,7 @@ def _finalist(settings: StudySettings, finalist: Finalist) -> dict[str, Any]:
         "reference": reference
         and {
             "outcome": str(reference.walk.outcome),
-            "forward_mm": 1e3 * reference.walk.forward,
-            "lateral_mm": 1e3 * reference.walk.lateral,
-            "yaw_deg": float(np.degrees(reference.walk.yaw)),
+            **_distances(reference.walk),
             "steps": reference.walk.steps,
             "feasible": settings.assess(reference.walk).feasible,
         },
@@ -107,7 +142,7 @@ def _finalist(settings: StudySettings, finalist: Finalist) -> dict[str, Any]:
 
 
 def robust_table(settings: StudySettings, walks: Sequence[StudyWalk]) -> str:
-    """The candidates that were walked again in full, as text."""
+    """Return the candidates that were walked again in full, as text; a sentence without any."""
     lines = [
         " walk   Z [mm]   median    worst   feasible   reference: Z [mm]   X [mm]  R [deg]",
     ]
@@ -120,12 +155,15 @@ def robust_table(settings: StudySettings, walks: Sequence[StudyWalk]) -> str:
         )
         if one.reference is not None:
             walk = one.reference.walk
+            known = _distances(walk)
             line += (
-                f"            {1e3 * walk.forward:8.1f} {1e3 * walk.lateral:8.1f} "
-                f"{np.degrees(walk.yaw):8.2f}"
+                f"            {_rounded(known['forward_mm'], 1):>8} "
+                f"{_rounded(known['lateral_mm'], 1):>8} {_rounded(known['yaw_deg'], 2):>8}"
             )
             line += "" if walk.survived else f"   {walk.reason}"
         lines.append(line + ("   robust" if one.robust else ""))
+    if len(lines) == 1:
+        return " none: no candidate is feasible, or [confirmation] leaves no walks for it"
     return "\n".join(lines)
 
 
@@ -163,23 +201,26 @@ def baselines_line(result: Mapping[str, Any]) -> str:
     """Held-out R² of ridge and kriging, as a result has them, and how survival is told, as text."""
     pairs = ((f"r2_heldout_{name}", name) for name in ("ridge", "kriging"))
     parts = [
-        f"{name} Z {_two_digits(result[key]['forward'])}   "
-        f"X {_two_digits(result[key]['lateral'])}   R {_two_digits(result[key]['yaw'])}"
+        f"{name} Z {_rounded(result[key]['forward'], 2)}   "
+        f"X {_rounded(result[key]['lateral'], 2)}   R {_rounded(result[key]['yaw'], 2)}"
         for key, name in pairs
     ]
     return (
         f"held-out, beside it: {'; '.join(parts)}; survival (AUC) network "
-        f"{_two_digits(result['survival_auc'])}, "
-        f"logistic {_two_digits(result['survival_auc_logistic'])}"
+        f"{_rounded(result['survival_auc'], 2)}, "
+        f"logistic {_rounded(result['survival_auc_logistic'], 2)}"
     )
 
 
-def _two_digits(value: float | None) -> str:
-    return "-" if value is None else f"{value:.2f}"
+def _rounded(value: float | None, digits: int) -> str:
+    """Return a number as text; a dash for one that is not known."""
+    return f"{value:.{digits}f}" if value is not None and np.isfinite(value) else "-"
 
 
 def in_words(walk: Walk) -> str:
-    """The paper's four numbers of a walk, as text."""
+    """Return the paper's four numbers of a walk, as text, or why there are none."""
+    if walk.outcome is Outcome.DIVERGED:
+        return f"not simulated to its end ({walk.reason}), {walk.steps} frames"
     return (
         f"{1e3 * walk.forward:.1f} mm forward, {1e3 * walk.lateral:.1f} mm lateral, "
         f"{np.degrees(walk.yaw):.2f} degrees, {walk.steps} frames"
@@ -187,16 +228,22 @@ def in_words(walk: Walk) -> str:
 
 
 def manner_in_words(measures: Measures) -> str:
-    """How a walk was walked, as text: a long one may be a shuffle."""
+    """Return how a walk was walked, as text: a long one may be a shuffle.
+
+    A dash stands for what such a walk does not have, as the duty of one that fell too soon.
+    """
+
+    def feet(values: Iterable[float], digits: int) -> str:
+        return " / ".join(_rounded(value, digits) for value in values)
+
     slip, clearance = (1e3 * np.array(pair) for pair in (measures.slip, measures.clearance))
+    swing, tilt = np.degrees([measures.yaw_swing, measures.torso_tilt])
     return (
-        f"slip {slip[0]:.0f} / {slip[1]:.0f} mm (right / left foot), "
-        f"toe clearance {clearance[0]:.1f} / {clearance[1]:.1f} mm, "
-        f"duty {measures.duty_factor[0]:.2f} / {measures.duty_factor[1]:.2f}, "
-        f"yaw swing {np.degrees(measures.yaw_swing):.0f} degrees, "
-        f"torso tilt {np.degrees(measures.torso_tilt):.0f} degrees, "
-        f"peak torque {measures.peak_torque:.2f} N·m, "
-        f"cost of transport {measures.cost_of_transport:.2f}"
+        f"slip {feet(slip, 0)} mm (right / left foot), toe clearance {feet(clearance, 1)} mm, "
+        f"duty {feet(measures.duty_factor, 2)}, yaw swing {_rounded(swing, 0)} degrees, "
+        f"torso tilt {_rounded(tilt, 0)} degrees, "
+        f"peak torque {_rounded(measures.peak_torque, 2)} N·m, "
+        f"cost of transport {_rounded(measures.cost_of_transport, 2)}"
     )
 
 

@@ -1,6 +1,5 @@
 """Where a study stands, read from its folder while it runs or long after."""
 
-import json
 import os
 from collections import Counter
 from collections.abc import Mapping
@@ -9,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from drake_gait.errors import StudyError
+from drake_gait.files.strict_json import from_json
 from drake_gait.study._lock import is_driven
 from drake_gait.study.ranking import feasible_walks
-from drake_gait.study.records import CONFIRMATIONS, StudyWalk
+from drake_gait.study.records import StudyWalk
 from drake_gait.study.store import Study, study_file
 from drake_gait.walk import Outcome
 
@@ -128,7 +128,7 @@ def standing(path: str | Path) -> Standing:
         description, settings, walks = study.description(), study.settings(), study.walks()
     ended = "finished" if "finished" in description else "unfinished"
     feasible = feasible_walks(walks, settings.constraints, settings.search.objective)
-    failures = Counter(walk.walk.failure for walk in walks if walk.id < CONFIRMATIONS)
+    failures = Counter(walk.walk.failure for walk in walks if walk.is_search_walk)
     return Standing(
         folder=file.parent,
         state="running" if running else ended,
@@ -176,7 +176,7 @@ def studies_in(folder: Path) -> tuple[list[Path], dict[Path, str]]:
 
 def _result(path: Path) -> dict[str, Any] | None:
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = from_json(path.read_bytes())
     except (OSError, ValueError):
         return None  # Not there yet, or being written.
     return found if isinstance(found, dict) else None

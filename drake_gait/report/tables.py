@@ -1,5 +1,6 @@
 """The tables of a study's report: what result.json and the walks say, in words and numbers."""
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,10 +10,12 @@ import numpy as np
 
 from drake_gait.foot import DESIGN_UNITS, N_MM_PER_DEG
 from drake_gait.gait import CYCLE_TIME, FRAME_TIME, TERMS, WAVEFORMS
-from drake_gait.problem.problem import Constraints, assess
+from drake_gait.problem.problem import Constraints
 from drake_gait.report.result import PAPER_TABLE
 from drake_gait.study.ranking import feasible_walks
-from drake_gait.study.records import StudyWalk
+from drake_gait.study.records import CONFIRMATION, StudyWalk
+from drake_gait.study.search_settings import Mode
+from drake_gait.study.settings import StudySettings
 from drake_gait.walk import Outcome
 
 OUTPUT_NAMES = {
@@ -23,11 +26,22 @@ OUTPUT_NAMES = {
 }
 """What the network predicts, for people."""
 
+_DEGREES = float(np.degrees(1.0))
+
 _FOOT_UNITS = {
     "N·m/rad": (1.0 / N_MM_PER_DEG, "N·mm/deg"),
     "m": (1e3, "mm"),
     "N·m·s/rad": (1.0, "N·m·s/rad"),
 }
+
+_DESIGN_OF_EXPERIMENTS = "design of experiments"
+STAGE_NAMES = {
+    Mode.DEFAULT: (_DESIGN_OF_EXPERIMENTS, "proposed by the network"),
+    Mode.PAPER: (_DESIGN_OF_EXPERIMENTS, "found by ISADE on the network"),
+    Mode.ISADE: ("first generation of ISADE", "proposed by ISADE"),
+    Mode.CMAES: ("first generation of CMA-ES", "proposed by CMA-ES"),
+}
+"""Stages "design" and "infill" for people: the mode says who proposed a walk."""
 
 _NOT_FINER = 6  # columns of a finalist's table, from the first, of walks that are not finer
 
@@ -50,9 +64,14 @@ class Table:
 
 def number(value: float | None, digits: int) -> str:
     """A number as text, with a proper minus, and never minus zero; a dash for none."""
-    if value is None or not np.isfinite(value):
+    if value is None or not math.isfinite(value):
         return "–"
     return f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "\N{MINUS SIGN}")
+
+
+def scaled(value: float | None, factor: float, digits: int) -> str:
+    """Return a number in another unit as text, see `number`."""
+    return number(None if value is None else factor * value, digits)
 
 
 def words(name: str) -> str:
@@ -139,9 +158,9 @@ def manner_of_finalists(result: Mapping[str, Any]) -> Table | None:
         measures = entry["measures"]
         rows.append([
             str(entry["walk"]), number(entry["forward_mm"], 1),
-            *(number(1e3 * value, 0) for value in measures["slip"]),
-            number(float(np.degrees(measures["yaw_swing"])), 0),
-            number(float(np.degrees(measures["torso_tilt"])), 0),
+            *(scaled(value, 1e3, 0) for value in measures["slip"]),
+            scaled(measures["yaw_swing"], _DEGREES, 0),
+            scaled(measures["torso_tilt"], _DEGREES, 0),
             number(measures["cost_of_transport"], 2),
         ])  # fmt: skip
     return Table(
@@ -160,7 +179,7 @@ def coefficients(degrees: Sequence[Sequence[float]]) -> Table:
         columns=["waveform", *TERMS],
         rows=[
             [name, *(number(value, 2) for value in row)]
-            for name, row in zip(WAVEFORMS, degrees, strict=True)
+            for name, row in zip(WAVEFORMS, degrees, strict=False)
         ],
     )
 
@@ -191,7 +210,7 @@ def manner(measures: Mapping[str, Any]) -> Table:
         ("duty factor in the second cycle", "duty_factor", 1.0, 2),
     )
     rows = [
-        [name, *(number(factor * value, digits) for value in measures[key])]
+        [name, *(scaled(value, factor, digits) for value in measures[key])]
         for name, key, factor, digits in pairs
     ]
     for name, key, factor, digits in (
@@ -200,24 +219,24 @@ def manner(measures: Mapping[str, Any]) -> Table:
         ("largest torque [N·m]", "peak_torque", 1.0, 2),
         ("largest ground reaction [weights]", "peak_ground_reaction", 1.0, 2),
         ("largest speed [rad/s]", "peak_speed", 1.0, 1),
-        ("range of the torso's heading [deg]", "yaw_swing", np.degrees(1.0), 0),
-        ("largest lean of the torso [deg]", "torso_tilt", np.degrees(1.0), 0),
+        ("range of the torso's heading [deg]", "yaw_swing", _DEGREES, 0),
+        ("largest lean of the torso [deg]", "torso_tilt", _DEGREES, 0),
     ):
-        value = measures.get(key)
-        rows.append([name, number(None if value is None else factor * value, digits), ""])
+        rows.append([name, scaled(measures.get(key), factor, digits), ""])
     return Table(caption="How it walks", columns=["measure", "right foot, or all", "left foot"],
                  rows=rows)  # fmt: skip
 
 
-def stages(walks: Iterable[StudyWalk], limits: Constraints) -> Table:
-    """What the walks were simulated for, and what became of them."""
+def stages(walks: Iterable[StudyWalk], settings: StudySettings) -> Table:
+    """Return what the walks were simulated for, and what became of them."""
     counts: dict[str, list[int]] = {}
     for walk in walks:
         row = counts.setdefault(walk.stage, [0, 0, 0])
         row[0] += 1
         row[1] += walk.walk.survived
-        row[2] += assess(walk.walk, limits).feasible
-    names = {"design": "design of experiments", "infill": "proposed by the network"}
+        row[2] += settings.assess(walk.walk).feasible
+    design, infill = STAGE_NAMES[settings.search.mode]
+    names = {"design": design, "infill": infill, CONFIRMATION: "walked again to confirm"}
     rows = [[names.get(stage, stage), *map(str, row)] for stage, row in counts.items()]
     rows.append(["all", *(str(sum(row[place] for row in counts.values())) for place in range(3))])
     return Table(
@@ -290,7 +309,7 @@ def versions(found: Mapping[str, str]) -> Table:
 def side_by_side(names: Sequence[str], results: Sequence[Mapping[str, Any]]) -> Table:
     """The numbers of several studies."""
     lines = (
-        ("seed", "seed", 0), ("best walk", "walk", 0), ("Z, forward [mm]", "forward_mm", 1),
+        ("best walk", "walk", 0), ("Z, forward [mm]", "forward_mm", 1),
         ("X, lateral [mm]", "lateral_mm", 1), ("R, turn [deg]", "yaw_deg", 2),
         ("Y, height of the centre of mass [mm]", "com_height_mm", 2), ("N, frames", "steps", 0),
         ("walks", "simulations", 0), ("on their feet", "survivors", 0),
@@ -298,6 +317,8 @@ def side_by_side(names: Sequence[str], results: Sequence[Mapping[str, Any]]) -> 
     )  # fmt: skip
     rows = [[label, *(number(result[key], digits) for result in results)]
             for label, key, digits in lines]  # fmt: skip
+    # As text: a seed may have more digits than a number.
+    rows.insert(0, ["seed", *(str(result["seed"]) for result in results)])
     rows.insert(
         2, ["best walk is feasible", *("yes" if result["feasible"] else "no" for result in results)]
     )
@@ -313,20 +334,25 @@ def side_by_side(names: Sequence[str], results: Sequence[Mapping[str, Any]]) -> 
             rows.append([label, *(number(value, 1) for value in values)])
     for label, key, factor, digits in (
         ("slip of the sole that slips more [mm]", "slip", 1e3, 0),
-        ("range of the torso's heading [deg]", "yaw_swing", np.degrees(1.0), 0),
-        ("largest lean of the torso [deg]", "torso_tilt", np.degrees(1.0), 0),
+        ("range of the torso's heading [deg]", "yaw_swing", _DEGREES, 0),
+        ("largest lean of the torso [deg]", "torso_tilt", _DEGREES, 0),
         ("cost of transport", "cost_of_transport", 1.0, 2),
     ):
-        measured = [(result.get("measures") or {}).get(key) for result in results]
-        rows.append([label, *(number(None if one is None else factor * float(np.max(one)), digits)
-                              for one in measured)])  # fmt: skip
+        measured = [_largest((result.get("measures") or {}).get(key)) for result in results]
+        rows.append([label, *(scaled(one, factor, digits) for one in measured)])
     return Table(caption="The studies side by side", columns=["", *names], rows=rows)
+
+
+def _largest(value: Any) -> float | None:
+    """Return the largest of a measure's numbers; None where one is not known."""
+    numbers = value if isinstance(value, list | tuple) else [value]
+    return None if None in numbers else float(max(numbers))
 
 
 def _of_winner(result: Mapping[str, Any], key: str) -> float | None:
     for entry in result.get("finalists") or []:
         if entry["walk"] == result.get("winner"):
-            return float(entry[key])
+            return None if entry[key] is None else float(entry[key])
     return None
 
 

@@ -14,11 +14,10 @@ import numpy as np
 from drake_gait.problem.problem import Trial
 from drake_gait.search.runner import Planned, Runner, on_other_ground, perturbed
 from drake_gait.study.ranking import Sample
-from drake_gait.study.records import CONFIRMATIONS, StudyWalk
+from drake_gait.study.records import CONFIRMATION, CONFIRMATIONS, StudyWalk
 from drake_gait.study.settings import StudySettings
 from drake_gait.walk import Fidelity, Measures, WalkSettings
 
-STAGE = "confirmation"
 REFERENCE = -1
 """Variation number of a walk at reference fidelity."""
 _IN_TURN = 4
@@ -111,7 +110,7 @@ def walked_as(settings: StudySettings, walk: StudyWalk) -> WalkSettings:
     if walk.variation == 0:
         return settings.walk
     variation = walk.variation
-    if walk.stage == STAGE:
+    if not walk.is_search_walk:
         variation = _after_replicas(settings, variation)
     return on_other_ground(settings.walk, settings, variation)
 
@@ -125,7 +124,7 @@ def measured(walks: Sequence[StudyWalk]) -> dict[int, Measures]:
     """Measures by a walk's id: its own, or those of the same walk again."""
     found = {}
     for walk in walks:
-        same = walk.nominal if walk.stage == STAGE and walk.variation == 0 else walk.id
+        same = walk.id if walk.is_search_walk or walk.variation != 0 else walk.nominal
         if walk.walk.measures is not None and same is not None:
             found[same] = walk.walk.measures
     return found
@@ -138,7 +137,7 @@ def _after_replicas(settings: StudySettings, variation: int) -> int:
 
 def _looked_at(settings: StudySettings, walks: Sequence[StudyWalk]) -> list[Finalist]:
     by_id = {walk.id: walk for walk in walks}
-    numbers = dict.fromkeys(walk.nominal for walk in walks if walk.stage == STAGE)
+    numbers = dict.fromkeys(walk.nominal for walk in walks if not walk.is_search_walk)
     return [_finalist(settings, by_id[number], walks) for number in numbers if number is not None]
 
 
@@ -151,7 +150,9 @@ def _rank(settings: StudySettings, finalist: Finalist) -> tuple[bool, float, int
 
 def _finalist(settings: StudySettings, nominal: StudyWalk, walks: Sequence[StudyWalk]) -> Finalist:
     own = {
-        walk.variation: walk for walk in walks if walk.stage == STAGE and walk.nominal == nominal.id
+        walk.variation: walk
+        for walk in walks
+        if not walk.is_search_walk and walk.nominal == nominal.id
     }
     variations = tuple(own[number] for number in sorted(own) if number > 0)
     feasible = sum(settings.assess(walk.walk).feasible for walk in variations)
@@ -216,7 +217,7 @@ class _Race:
             trial = perturbed(trial, self._settings, nominal.id, other)
         return Planned(
             id=self._id(one, variation),
-            stage=STAGE,
+            stage=CONFIRMATION,
             iteration=nominal.iteration,
             trial=trial,
             nominal=nominal.id,

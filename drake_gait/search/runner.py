@@ -9,7 +9,7 @@ import numpy as np
 from drake_gait.execution.local import Finished
 from drake_gait.problem.problem import Trial
 from drake_gait.search.seeding import Purpose, generator
-from drake_gait.study.records import CONFIRMATIONS, StudyWalk
+from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
 from drake_gait.study.store import Study
 from drake_gait.surrogates.ensemble import Surrogate
@@ -127,7 +127,7 @@ class Runner:
         )
 
     def _count(self, walk: StudyWalk) -> None:
-        if walk.id >= CONFIRMATIONS:
+        if not walk.is_search_walk:
             self._counts["confirmations"] += 1
             return
         assessment = self.settings.assess(walk.walk)
@@ -136,7 +136,7 @@ class Runner:
         self._counts["feasible"] += assessment.feasible
         if (failure := walk.walk.failure) is not None:
             self._failures[failure] += 1
-        if assessment.feasible and walk.nominal is None:
+        if assessment.feasible and walk.is_nominal:
             self._best = min(self._best, (assessment.objective, walk.id))
 
 

@@ -67,7 +67,7 @@ def robust_count(walks: int) -> int:
 
 def nominal_walks(walks: Iterable[StudyWalk]) -> list[StudyWalk]:
     """The walks that a search proposed, without their variations."""
-    return [walk for walk in walks if walk.nominal is None]
+    return [walk for walk in walks if walk.is_nominal]
 
 
 def feasible_walks(

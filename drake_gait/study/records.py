@@ -17,6 +17,9 @@ from drake_gait.walk import Measures, Outcome, Walk
 CONFIRMATIONS = 1_000_000
 """Walks that confirm others have ids from here on, so that a study's budget can grow."""
 
+CONFIRMATION = "confirmation"
+"""Stage of a walk that confirms another one."""
+
 _FOOT = tuple(field.name for field in fields(FootDesign))
 _WALK = ("steps", "forward", "lateral", "yaw", "com_height")
 _PREDICTED = ("forward", "lateral", "yaw", "survival")
@@ -75,6 +78,16 @@ class StudyWalk:
     """forward, lateral [m], yaw [rad] and survival, as the network expected them."""
     seconds: float = 0.0
     """Time that the simulation took [s]."""
+
+    @property
+    def is_search_walk(self) -> bool:
+        """Whether the search asked for it, replicas included; the other walks confirm others."""
+        return self.stage != CONFIRMATION
+
+    @property
+    def is_nominal(self) -> bool:
+        """Whether its candidate walked as the search proposed it: no replica, no confirmation."""
+        return self.nominal is None
 
 
 def to_row(entry: StudyWalk) -> list[Any]:

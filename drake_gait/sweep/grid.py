@@ -5,7 +5,6 @@ Walks are kept in grid.csv as they finish; an interrupted grid goes on with thos
 """
 
 import csv
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from itertools import product
@@ -16,6 +15,7 @@ import numpy as np
 
 from drake_gait.errors import SettingsError, StudyError
 from drake_gait.execution.local import LocalProcesses
+from drake_gait.files.strict_json import from_json, plain, to_json
 from drake_gait.gait import FloatArray, Gait
 from drake_gait.optimization import STARTING_TIME
 from drake_gait.problem.problem import Candidate, Trial
@@ -92,12 +92,14 @@ def run_grid(grid: Grid, out: Path, workers: int) -> str:
 
 def _claim(grid: Grid, path: Path) -> None:
     """Write what the grid is, or refuse a folder that holds another one."""
-    wanted = json.loads(json.dumps({
-        "settings": grid.settings.description(),
-        "axes": [asdict(axis) for axis in grid.axes],
-        "gaits_deg": [gait.degrees.tolist() for gait in grid.gaits],
-        "noise_deg": grid.noise_deg,
-    }))  # fmt: skip
+    wanted = plain(
+        {
+            "settings": grid.settings.description(),
+            "axes": [asdict(axis) for axis in grid.axes],
+            "gaits_deg": [gait.degrees.tolist() for gait in grid.gaits],
+            "noise_deg": grid.noise_deg,
+        }
+    )
     walks = path.with_suffix(".csv")
     if not path.exists():
         if _known(walks):
@@ -105,10 +107,10 @@ def _claim(grid: Grid, path: Path) -> None:
                 f"{walks} holds walks of a grid that is not known, as {path.name} is missing; "
                 "remove it, or give --out for another folder"
             )
-        _replace(path, json.dumps(wanted, indent=2) + "\n")
+        _replace(path, to_json(wanted) + "\n")
         return
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = from_json(path.read_bytes())
     except ValueError:
         raise StudyError(
             f"{path} is damaged, so that the grid of {walks.name} is not known; remove both, or "
@@ -186,12 +188,10 @@ def _analyse(grid: Grid, rows: Mapping[Place, Mapping[str, Any]], out: Path) -> 
         "survivors": len(walked),
         "effects": [asdict(effect) for effect in effects],
         "no_effects_because": obstacle,
-        "mean_forward_mm": [
-            [None if np.isnan(cell) else cell for cell in row] for row in mean.tolist()
-        ],
+        "mean_forward_mm": mean,
         "survivors_by_cell": survivors.tolist(),
     }
-    (out / "anova.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    (out / "anova.json").write_text(to_json(content) + "\n", encoding="utf-8")
     sweep_figures.grid(mean, labels, names, out / "grid.png")
     cells = _cells(mean, survivors, labels, names, grid)
     return f"{obstacle or _table(effects)}\n\n{cells}\n{out}: grid.csv, anova.json, grid.png"

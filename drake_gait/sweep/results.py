@@ -1,7 +1,7 @@
 """What a sweep found: one row for each of its studies, and the variants beside each other."""
 
 import csv
-import json
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -11,6 +11,7 @@ import numpy as np
 from scipy import stats
 
 from drake_gait.errors import StudyError
+from drake_gait.files.strict_json import from_json, to_json
 from drake_gait.sweep.settings import PlannedStudy, Sweep
 
 Row = Mapping[str, Any]
@@ -79,7 +80,7 @@ def read_row(study: PlannedStudy, out: Path) -> Row:
     """
     path = study.folder(out) / "result.json"
     try:
-        result = json.loads(path.read_text(encoding="utf-8"))
+        result = from_json(path.read_bytes())
     except (OSError, ValueError) as error:
         raise StudyError(f"cannot read {path}: {error}; run the sweep again") from None
     try:
@@ -93,7 +94,9 @@ def read_row(study: PlannedStudy, out: Path) -> Row:
     except (AttributeError, KeyError, TypeError, ValueError):
         raise StudyError(f"{path} is no result of a study; run the sweep again") from None
     slips = [value for key, value in row.items() if key.startswith("measures.slip.")]
-    return {**row, "slip_mm": 1e3 * sum(slips)} if slips else row
+    if not slips or None in slips:
+        return row
+    return {**row, "slip_mm": 1e3 * sum(slips)}
 
 
 def _furthest(result: Mapping[str, Any]) -> float | None:
@@ -107,7 +110,7 @@ def _furthest(result: Mapping[str, Any]) -> float | None:
 
 def _of_finalist(result: Mapping[str, Any], walk: int | None, key: str) -> float | None:
     found = [one[key] for one in result["finalists"] if one["walk"] == walk]
-    return float(found[0]) if found else None
+    return None if not found or found[0] is None else float(found[0])
 
 
 def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
@@ -150,7 +153,8 @@ def summaries(rows: Sequence[Row], variants: Sequence[str]) -> list[VariantSumma
 
 
 def _numbers(rows: Sequence[Row], key: str) -> list[float]:
-    return [row[key] for row in rows if isinstance(row.get(key), (int, float))]
+    found = (row.get(key) for row in rows)
+    return [one for one in found if isinstance(one, int | float) and math.isfinite(one)]
 
 
 def _spread(values: Sequence[float]) -> Spread:
@@ -211,6 +215,6 @@ def write_results(sweep: Sweep, rows: Sequence[Row], out: Path) -> None:
             writer = csv.DictWriter(file, columns, lineterminator="\n")
             writer.writeheader()
             writer.writerows(rows)
-        (out / "sweep.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+        (out / "sweep.json").write_text(to_json(content) + "\n", encoding="utf-8")
     except OSError as error:
         raise StudyError(f"cannot write into {out}: {error.strerror}") from None

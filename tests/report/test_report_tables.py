@@ -6,6 +6,7 @@ from drake_gait.foot import FootDesign
 from drake_gait.problem.problem import Constraints
 from drake_gait.report import tables as report_tables
 from drake_gait.report.tables import number
+from drake_gait.study.search_settings import Mode
 from drake_gait.walk import Outcome, Walk
 
 FINALIST = {
@@ -43,14 +44,25 @@ def test_a_search_without_failures_says_so(entry):
     assert list(report_tables.failures([entry]).rows) == [["none", "0"]]
 
 
-def test_stages_add_up(entry):
+def test_stages_add_up(entry, study):
     walks = [dataclasses.replace(entry, id=0, stage="design"), fell(entry, 1, 10), entry]
-    rows = [list(row) for row in report_tables.stages(walks, Constraints()).rows]
+    rows = [list(row) for row in report_tables.stages(walks, study).rows]
     assert rows == [
         ["design of experiments", "1", "1", "1"],
         ["proposed by the network", "2", "1", "1"],
         ["all", "3", "2", "2"],
     ]
+
+
+@pytest.mark.parametrize("mode", Mode)
+def test_walks_are_said_to_be_proposed_by_what_proposed_them(entry, study, mode):
+    search = dataclasses.replace(study.search, mode=mode)
+    walks = [dataclasses.replace(entry, id=0, stage="design"), entry]
+    table = report_tables.stages(walks, dataclasses.replace(study, search=search))
+    names = " ".join(row[0] for row in table.rows)
+    assert ("network" in names) == search.learns
+    assert ("ISADE" in names) == (mode in (Mode.ISADE, Mode.PAPER))
+    assert ("CMA-ES" in names) == (mode is Mode.CMAES)
 
 
 def test_the_paper_s_best_stands_beside_ours(entry):

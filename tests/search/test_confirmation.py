@@ -11,7 +11,6 @@ from drake_gait.execution.local import Finished
 from drake_gait.problem.problem import Trial
 from drake_gait.search.confirmation import (
     REFERENCE,
-    STAGE,
     best_unslipping,
     confirm,
     finalists,
@@ -21,7 +20,7 @@ from drake_gait.search.confirmation import (
 )
 from drake_gait.search.runner import Runner, perturbed
 from drake_gait.study.ranking import sample
-from drake_gait.study.records import CONFIRMATIONS, StudyWalk
+from drake_gait.study.records import CONFIRMATION, CONFIRMATIONS, StudyWalk
 from drake_gait.study.search_settings import ConfirmationSettings
 from drake_gait.study.store import Study
 from drake_gait.walk import Fidelity, Outcome
@@ -256,9 +255,9 @@ def test_a_confirmation_that_is_done_walks_nothing_more(raced, path):
 
 def test_ids_of_confirmations_leave_room_for_any_budget_and_say_whose_they_are(raced, path):
     walks = confirmed(raced, path)
-    confirmations = [walk for walk in walks if walk.stage == STAGE]
+    confirmations = [walk for walk in walks if not walk.is_search_walk]
     assert min(walk.id for walk in confirmations) >= CONFIRMATIONS
-    assert {walk.id for walk in walks if walk.stage != STAGE} == set(range(CANDIDATES))
+    assert {walk.id for walk in walks if walk.is_search_walk} == set(range(CANDIDATES))
     expected = {(walk.nominal, walk.variation): walk.id for walk in confirmations}
     assert len(set(expected.values())) == len(confirmations)
     # A longer race gives the same walk the same id.
@@ -294,7 +293,7 @@ def test_how_a_walk_was_simulated_is_known_from_the_study(raced, entry, replicas
 
 def test_measures_are_a_walk_s_own_or_those_of_the_same_walk_again(entry, measures):
     full = dataclasses.replace(entry.walk, measures=measures)
-    again = dataclasses.replace(entry, id=7, walk=full, stage=STAGE, nominal=0)
+    again = dataclasses.replace(entry, id=7, walk=full, stage=CONFIRMATION, nominal=0)
     perturbed_one = dataclasses.replace(again, id=8, variation=1)
     own = dataclasses.replace(entry, id=3, walk=full)
     bare = dataclasses.replace(entry, id=4)

@@ -8,7 +8,7 @@ from conftest import Ground, Interruption, fall_at, planned, run, walk_at
 
 from drake_gait.problem.problem import Trial
 from drake_gait.search.runner import Planned, Runner, perturbed
-from drake_gait.study.records import CONFIRMATIONS
+from drake_gait.study.records import CONFIRMATION, CONFIRMATIONS
 from drake_gait.study.search_settings import ConfirmationSettings
 from drake_gait.study.settings import StudySettings
 from drake_gait.study.store import Study
@@ -21,12 +21,12 @@ def opened(path):
         yield study
 
 
-def plans(settings, count, *, first=0, **changes):
+def plans(settings, count, *, first=0, stage="design", **changes):
     x = np.random.default_rng(first).uniform(-1.0, 1.0, (count, 16))
     return [
         Planned(
             id=first + place,
-            stage="design",
+            stage=stage,
             iteration=0,
             trial=Trial(candidate=settings.space.decode(point)),
             **changes,
@@ -123,7 +123,8 @@ def test_a_runner_that_takes_up_a_study_tells_the_same(study, opened):
 def test_walks_that_confirm_others_are_counted_apart(study, opened):
     runner = runner_of(study, opened, Ground(study.space))
     runner.start(plans(study, 4))
-    runner.start(plans(study, 3, first=CONFIRMATIONS, nominal=1, variation=1))
+    again = {"first": CONFIRMATIONS, "stage": CONFIRMATION, "nominal": 1, "variation": 1}
+    runner.start(plans(study, 3, **again))
     runner.finish()
     progress = runner.progress()
     assert (progress.walks, progress.confirmations) == (4, 3)

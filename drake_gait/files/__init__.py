@@ -1,0 +1,1 @@
+"""Files: read in any encoding, written whole or not at all."""
