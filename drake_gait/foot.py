@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from drake_gait.errors import SettingsError
+from drake_gait.ranges import Range, Unit, check
 
 N_MM_PER_DEG = 1e-3 * 180.0 / math.pi
 """One N·mm/deg in N·m/rad."""
@@ -57,12 +58,8 @@ class FootDesign:
 
     def __post_init__(self) -> None:
         for name, (lower, upper) in DESIGN_LIMITS.items():
-            value = getattr(self, name)
-            if not lower <= value <= upper:
-                raise SettingsError(
-                    f"{name} must lie in {lower:.4g} to {upper:.4g} {DESIGN_UNITS[name]}, "
-                    f"got {value}"
-                )
+            allowed = Range(lower=lower, upper=upper)
+            check(name, getattr(self, name), allowed, Unit(name=DESIGN_UNITS[name]))
         if not isinstance(self.rigid_toes, bool):
             raise SettingsError(f"rigid_toes must be true or false, got {self.rigid_toes!r}")
 

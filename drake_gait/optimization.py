@@ -4,6 +4,7 @@ import functools
 import time
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -35,11 +36,14 @@ def open_study(settings: StudySettings, folder: Path) -> Study:
     path = folder / "study.db"
     wanted = _wanted(settings)
     if not path.exists():
-        return Study.create(path, {**wanted, "versions": versions()})
+        source = {} if settings.source is None else {"source": asdict(settings.source)}
+        return Study.create(path, {**wanted, "versions": versions(), **source})
     study = Study.open(path, driver=True)
     try:
         study.require(wanted)
         study.resize(settings.search.simulations)
+        if settings.source is not None:  # A study of before has none, and its budget may grow.
+            study.set("source", asdict(settings.source))
     except StudyError:
         study.close()
         raise

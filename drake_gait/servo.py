@@ -3,7 +3,9 @@
 import math
 from dataclasses import dataclass, fields
 
-from drake_gait.errors import SettingsError
+from drake_gait.ranges import Range, check
+
+_RANGE = Range(lower=0.0, upper=1e6, open=True)
 
 TRAVEL = math.radians(135.0)
 """How far a servo turns to either side of its middle [rad]: 270 degrees in all, KRS-2552 data."""
@@ -34,5 +36,4 @@ class Servo:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            if not 0.0 < value < 1e6:
-                raise SettingsError(f"servo {field.name} must be > 0 and < 1e6, got {value}")
+            check(f"servo {field.name}", value, _RANGE)

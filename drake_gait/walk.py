@@ -7,6 +7,7 @@ from pathlib import Path
 
 from drake_gait.errors import SettingsError
 from drake_gait.gait import FRAME_TIME, FloatArray
+from drake_gait.ranges import POSITIVE, Range, Unit, check
 from drake_gait.servo import Servo
 
 DEFAULT_MODEL = "khr3hv.sdf"
@@ -82,10 +83,9 @@ class WalkSettings:
     """Computing time after which a walk is given up as diverged [s]."""
 
     def __post_init__(self) -> None:
-        if not self.time_limit > 0.0:
-            raise SettingsError(f"time_limit must be > 0 s, got {self.time_limit}")
-        if not 0.05 <= self.friction <= 2.25:
-            raise SettingsError(f"friction must be a factor of 0.05 to 2.25, got {self.friction}")
+        if not self.time_limit > 0.0:  # Infinity is a limit too.
+            check("time_limit", self.time_limit, POSITIVE, Unit(name="s"))
+        check("friction", self.friction, Range(lower=0.05, upper=2.25))
 
     @property
     def stepping(self) -> Integrator:

@@ -56,7 +56,7 @@ def test_a_foot_may_lie_on_its_limits(name):
 @pytest.mark.parametrize("factor", [np.nan, -1.0, 0.0, 0.999, np.inf])
 def test_a_foot_outside_its_limits_is_refused_with_range_unit_and_value(name, factor):
     value = DESIGN_LIMITS[name][0] * factor
-    with pytest.raises(SettingsError, match=rf"^{name} must lie in .+ to .+ (N·m|m).*, got "):
+    with pytest.raises(SettingsError, match=rf"^{name} must be .+ to .+ (N·m|m).*, got "):
         FootDesign(**{name: value})
 
 

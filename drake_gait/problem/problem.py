@@ -13,10 +13,14 @@ from numpy.typing import ArrayLike
 from drake_gait.errors import SettingsError
 from drake_gait.foot import DESIGN_LIMITS, DESIGN_UNITS, SEARCHED_IN_LOG, FootDesign
 from drake_gait.gait import ANGLE_LIMITS, FRAMES, TERMS, WAVEFORMS, FloatArray, Gait
+from drake_gait.ranges import POSITIVE, OutOfRangeError, Range, Unit, check
 from drake_gait.walk import Outcome, Walk, WalkSettings
 
 PENALTY = 1000.0
 """The paper's gamma, Eq. 17 [mm per unit of scaled violation]."""
+
+ROUNDING = 1e-9
+"""A coefficient beyond its range by no more than this is at its end [rad]."""
 
 COEFFICIENTS = tuple(f"{waveform}_{term}" for waveform in WAVEFORMS for term in TERMS)
 """Names of the sixteen coefficients, in the order of every design vector."""
@@ -119,8 +123,8 @@ class Constraints:
     def __post_init__(self) -> None:
         for limit in fields(self):
             value = getattr(self, limit.name)
-            if value is not None and not 0.0 < value < np.inf:
-                raise SettingsError(f"constraint {limit.name} must be > 0 and finite, got {value}")
+            if value is not None:
+                check(f"constraint {limit.name}", value, POSITIVE)
 
     @property
     def limits(self) -> tuple[Limit, ...]:
@@ -251,20 +255,28 @@ class DesignSpace:
         for name in ("centre", "half_width"):
             values = np.array(getattr(self, name), dtype=float)
             if values.shape != (4, 4) or not np.isfinite(values).all():
-                raise SettingsError(f"{name} must be 4 rows of 4 finite numbers, got {values}")
+                told = values.tolist()
+                raise SettingsError(f"{name} must be 4 rows of 4 finite numbers, got {told}")
             values.setflags(write=False)
             object.__setattr__(self, name, values)
-        if not (self.half_width > 0.0).all():
-            raise SettingsError("every half width of the box must be > 0")
         lower, upper = _coefficient_limits()
-        outside = (self.centre < lower) | (self.centre > upper)
-        if outside.any():
-            row, column = np.argwhere(outside)[0]
-            raise SettingsError(
-                f"the box's centre for {WAVEFORMS[row]}_{TERMS[column]} is "
-                f"{np.degrees(self.centre[row, column]):g} degrees; Table I allows "
-                f"{np.degrees(lower[row, column]):g} to {np.degrees(upper[row, column]):g}"
-            )
+        # The winner of another study comes through degrees, from the very end of a range too.
+        within = np.clip(self.centre, lower, upper)
+        if (np.abs(self.centre - within) <= ROUNDING).all() and (self.centre != within).any():
+            within.setflags(write=False)
+            object.__setattr__(self, "centre", within)
+        for row, column in np.ndindex(4, 4):
+            limits = Range(lower=float(lower[row, column]), upper=float(upper[row, column]))
+            for name, allowed, demand in (
+                ("half_width", POSITIVE, "must be"),
+                ("centre", limits, "must, by Table I, be"),
+            ):
+                value = float(getattr(self, name)[row, column])
+                if value not in allowed:
+                    raise OutOfRangeError(
+                        f"{name} of {WAVEFORMS[row]}_{TERMS[column]}", name, value, allowed,
+                        Unit(name="rad"), demand=demand, place=(row, column),
+                    )  # fmt: skip
         opened = [name for name, _, _ in self.foot_ranges]
         for name, low, high in self.foot_ranges:
             if opened.count(name) > 1:
@@ -274,10 +286,10 @@ class DesignSpace:
                                     f"{', '.join(DESIGN_LIMITS)}")  # fmt: skip
             smallest, largest = DESIGN_LIMITS[name]
             if not smallest <= low < high <= largest:
-                raise SettingsError(
-                    f"range of {name} must rise and lie in {smallest:.4g} to {largest:.4g} "
-                    f"{DESIGN_UNITS[name]}, got {low:.4g} to {high:.4g}"
-                )
+                raise OutOfRangeError(
+                    f"range of {name}", name, [low, high], Range(lower=smallest, upper=largest),
+                    Unit(name=DESIGN_UNITS[name]), demand="must rise and lie in",
+                )  # fmt: skip
         if opened and self.foot.rigid_toes:
             raise SettingsError(
                 f"{opened[0]} is open, but rigid toes have nothing to search; close it, or let "

@@ -19,6 +19,7 @@ from drake_gait.simulation.simulate import simulate
 from drake_gait.study.ranking import best_walk
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
+from drake_gait.study.toml import write_study_toml
 from drake_gait.surrogates import ensemble as surrogate
 from drake_gait.surrogates.baselines import Comparison, compare
 from drake_gait.surrogates.ensemble import Surrogate
@@ -58,7 +59,7 @@ class Outputs:
 def write_outputs(
     settings: StudySettings, walks: list[StudyWalk], folder: Path, *, wall_s: float
 ) -> Outputs:
-    """Write result.json, walk.html, the figures and report.html of a study's walks into its folder.
+    """Write what a study's folder holds beside its walks: result, settings, recording, report.
 
     Of a study without walks there are result.json and report.html only, and no recording of a walk
     that cannot be simulated to its end. Files of an earlier report that are not made again go.
@@ -92,10 +93,15 @@ def write_outputs(
         _draw_search(settings, searched, best, folder / FIGURES, measured(walks), label)
     if network is not None:
         _draw_network(settings, network, folder / FIGURES)
+    toml = write_study_toml(settings, folder)
     run = Run(folder=folder, settings=settings, result=result, walks=walks)
     write_study_page(run, folder / "report.html")
     return Outputs(
-        result=result, best=best, replayed=replayed, network=network, files=_files(folder)
+        result=result,
+        best=best,
+        replayed=replayed,
+        network=network,
+        files=_files(folder, toml.name),
     )
 
 
@@ -120,8 +126,8 @@ def _forget_unmade(
         path.unlink(missing_ok=True)
 
 
-def _files(folder: Path) -> tuple[str, ...]:
-    names = ("report.html", "result.json", _RECORDING, "study.db")
+def _files(folder: Path, toml: str) -> tuple[str, ...]:
+    names = ("report.html", "result.json", _RECORDING, "study.db", toml)
     found = [name for name in names if (folder / name).is_file()]
     return (*found, *([FIGURES] if any((folder / FIGURES).iterdir()) else []))
 

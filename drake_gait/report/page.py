@@ -26,7 +26,8 @@ from drake_gait.report.result import PAPER_TABLE
 from drake_gait.report.tables import number, scaled
 from drake_gait.search.confirmation import shuffles
 from drake_gait.study.records import StudyWalk
-from drake_gait.study.settings import StudySettings, default_study, overrides, read_study
+from drake_gait.study.settings import StudySettings
+from drake_gait.study.toml import DEFAULT_NAME, written_study_toml
 
 FIGURES = "figures"
 """Folder of the figures, in a study's folder."""
@@ -150,18 +151,19 @@ def _place(run: Run) -> tuple[bool, float]:
 
 
 def command(run: Run) -> str:
-    """The command that makes the same study again."""
-    settings, file = run.settings, default_study().with_name(f"{run.settings.name}.toml")
-    study = "" if file == default_study() else f" {shlex.quote(f'studies/{file.name}')}"
-    changed = overrides(settings, read_study(file)) if file.is_file() else {}
-    for short in ("study.seed", "search.samples", "search.simulations"):
-        changed.pop(short, None)
-    others = "".join(f" --set {shlex.quote(f'{key}={text}')}" for key, text in changed.items())
-    return (
-        f"python -m drake_gait.optimize{study} --seed {settings.seed} "
-        f"--samples {settings.search.samples} --simulations {settings.search.simulations}{others} "
-        f"--out {shlex.quote(f'runs/{run.name}')}"
-    )
+    """Return the command that makes the same study again, in a folder of its own.
+
+    Its settings are in the study's folder; a study of an older version gets them with its report.
+    """
+    # A name that begins with a dash would be an option, and "." has no name to add to.
+    named = run.folder if run.folder.name not in ("", "..") else run.folder.resolve()
+    folder = f"./{named}" if str(named).startswith("-") else str(named)
+    file = written_study_toml(run.folder)
+    name = DEFAULT_NAME if file is None else file.name
+    again = ["python", "-m", "drake_gait.optimize", f"{folder}/{name}", "--out", f"{folder}-again"]
+    if file is not None:
+        return shlex.join(again)
+    return f"{shlex.join(['python', '-m', 'drake_gait', 'report', folder])} && {shlex.join(again)}"
 
 
 def read_result(folder: Path) -> dict[str, Any]:
@@ -175,9 +177,8 @@ def read_result(folder: Path) -> dict[str, Any]:
         found = from_json(path.read_bytes())
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
-        raise StudyError(
-            f"cannot read {path}: {reason}; `python -m drake_gait report {folder}` writes it anew"
-        ) from None
+        again = f"python -m drake_gait report {shlex.quote(str(folder))}"
+        raise StudyError(f"cannot read {path}: {reason}; `{again}` writes it anew") from None
     if not isinstance(found, dict):
         raise StudyError(f"{path} is no result of a study")
     return found
@@ -194,6 +195,7 @@ def _environment() -> Environment:
     )
     environment.filters["number"] = number
     environment.filters["scaled"] = scaled
+    environment.filters["quoted"] = lambda path: shlex.quote(str(path))
     return environment
 
 

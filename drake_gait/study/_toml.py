@@ -11,6 +11,7 @@ import numpy as np
 
 from drake_gait.errors import SettingsError
 from drake_gait.gait import FloatArray
+from drake_gait.ranges import NONE, Unit
 
 
 def known(what: str, given: Mapping[str, Any], names: Collection[str]) -> None:
@@ -33,9 +34,14 @@ def number(name: str, value: Any) -> float:
     Raises:
         SettingsError: it is none.
     """
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise SettingsError(f"{name} must be a finite number, got {value!r}")
-    return float(value)
+    if not isinstance(value, bool) and isinstance(value, int | float):
+        try:
+            found = float(value)
+        except OverflowError:
+            raise SettingsError(f"{name} must be a finite number, got one beyond 1e308") from None
+        if math.isfinite(found):
+            return found
+    raise SettingsError(f"{name} must be a finite number, got {value!r}")
 
 
 def texts(section: str, values: Mapping[str, Any], keys: tuple[str, ...]) -> None:
@@ -75,3 +81,36 @@ def coefficients_of_result(path: Path) -> Any:
         raise SettingsError(f"cannot read the result {path}: {error.strerror}") from None
     except (ValueError, KeyError, TypeError):
         raise SettingsError(f"{path} is no result.json of a study") from None
+
+
+def as_toml(value: Any, unit: Unit = NONE) -> str:
+    """Return a value as TOML has it: `tomllib.loads(f"x = {as_toml(value)}")["x"]` is the value.
+
+    Args:
+        value: Text, a number, a truth value, or lists of them.
+        unit: What numbers are written in; they are given in SI units. Read again and multiplied by
+            the unit they are what they were, to the last digit wherever there is such a number.
+    """
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(as_toml(one, unit) for one in value)}]"
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{as_toml(key)} = {as_toml(one)}' for key, one in value.items())}}}"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        # TOML has no halves of a character, which a command line can hold, and no bare delete.
+        whole = value.encode("utf-8", "replace").decode("utf-8")
+        return json.dumps(whole, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, float):
+        return _number_as_toml(value, unit.si)
+    return str(value)
+
+
+def _number_as_toml(value: float, si: float) -> str:
+    if si == 1.0 or not math.isfinite(value):
+        return repr(value)
+    # The fewest digits give back what somebody has written, and not what rounding made of it.
+    guess = value / si
+    near = [guess, math.nextafter(guess, math.inf), math.nextafter(guess, -math.inf)]
+    texts = [f"{guess:.{digits}g}" for digits in (12, 15, 16)] + [repr(one) for one in near]
+    return next((text for text in texts if float(text) * si == value), repr(guess))

@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 from drake_gait.errors import SettingsError
 from drake_gait.problem.problem import Objective
+from drake_gait.ranges import Range, Unit, check
 
 
 class Mode(StrEnum):
@@ -104,13 +105,8 @@ class ConfirmationSettings:
                 f"confirmation.feasible ({self.feasible}) must not exceed confirmation.replicas "
                 f"({self.replicas})"
             )
-        if not 0.0 <= self.noise <= 0.1:
-            raise SettingsError(
-                f"confirmation.noise must be 0 to {math.degrees(0.1):.3g} degrees, got "
-                f"{math.degrees(self.noise):g}"
-            )
-        if not 0.0 <= self.friction <= 0.5:
-            raise SettingsError(f"confirmation.friction must be 0 to 0.5, got {self.friction}")
+        check("confirmation.noise", self.noise, Range(lower=0.0, upper=0.1), Unit(name="rad"))
+        check("confirmation.friction", self.friction, Range(lower=0.0, upper=0.5))
 
 
 _Enum = TypeVar("_Enum", bound=StrEnum)

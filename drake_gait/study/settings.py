@@ -6,18 +6,19 @@ is SI. Unknown sections and keys are refused with the nearest one that exists.
 
 import difflib
 import json
-import math
 import tomllib
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field, replace
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from drake_gait.errors import SettingsError
-from drake_gait.foot import N_MM_PER_DEG, FootDesign
+from drake_gait.foot import FootDesign
+from drake_gait.gait import TERMS, WAVEFORMS
 from drake_gait.problem.problem import (
     OF_EVERY_WALK,
     Assessment,
@@ -26,77 +27,36 @@ from drake_gait.problem.problem import (
     assess,
     quantities,
 )
+from drake_gait.ranges import OutOfRangeError, Range, check
 from drake_gait.servo import Servo
-from drake_gait.study._toml import coefficients, coefficients_of_result, known, number, texts
+from drake_gait.study._toml import (
+    as_toml,
+    coefficients,
+    coefficients_of_result,
+    known,
+    number,
+    texts,
+)
+from drake_gait.study.keys import BOX, CONFIRMATION, CONSTRAINTS, FOOT, KEYS, SERVO, WALK, Table
 from drake_gait.study.search_settings import ConfirmationSettings, SearchSettings
 from drake_gait.walk import Fidelity, Walk, WalkSettings
 
-_DEGREE = math.pi / 180.0
-_MM = 1e-3
+_Made = TypeVar("_Made")
 
-# Section and key in the file -> field of the section's object, and its unit in SI.
-_SERVO = {
-    "stiffness_n_m_per_rad": ("stiffness", 1.0),
-    "damping_n_m_s_per_rad": ("damping", 1.0),
-    "no_load_speed_rad_per_s": ("no_load_speed", 1.0),
-}
-_CONSTRAINTS = {
-    "lateral_mm": ("lateral", _MM),
-    "yaw_deg": ("yaw", _DEGREE),
-    "com_height_mm": ("com_height", _MM),
-    "energy_j": ("energy", 1.0),
-    "positive_energy_j": ("positive_energy", 1.0),
-    "cost_of_transport": ("cost_of_transport", 1.0),
-    "peak_torque_n_m": ("peak_torque", 1.0),
-    "peak_speed_rad_per_s": ("peak_speed", 1.0),
-    "saturated_fraction": ("saturated_fraction", 1.0),
-    "slip_mm": ("slip", _MM),
-    "clearance_mm": ("clearance", _MM),
-    "duty_factor": ("duty_factor", 1.0),
-    "peak_ground_reaction": ("peak_ground_reaction", 1.0),
-    "toe_range_deg": ("toe_range", _DEGREE),
-    "yaw_swing_deg": ("yaw_swing", _DEGREE),
-    "torso_tilt_deg": ("torso_tilt", _DEGREE),
-}
-_CONFIRMATION = {
-    "walks": "walks",
-    "winners": "winners",
-    "replicas": "replicas",
-    "feasible": "feasible",
-    "noise_deg": "noise",
-    "friction": "friction",
-}
-_FOOT = {
-    "big_toe_stiffness_n_mm_per_deg": ("big_toe_stiffness", N_MM_PER_DEG),
-    "lesser_toes_stiffness_n_mm_per_deg": ("lesser_toes_stiffness", N_MM_PER_DEG),
-    "toe_damping_n_m_s_per_rad": ("toe_damping", 1.0),
-    "big_toe_width_mm": ("big_toe_width", _MM),
-    "toe_length_mm": ("toe_length", _MM),
-}
-# Name in a description -> name in the file, and its unit in SI.
-_IN_FILE = {
-    f"{section}.{name}": (f"{section}.{key}", unit)
-    for section, table in (
-        ("servo", _SERVO), ("constraints", _CONSTRAINTS), ("foot", _FOOT), ("design", _FOOT)
-    )
-    for key, (name, unit) in table.items()
-} | {
-    "box.centre": ("box.centre_deg", _DEGREE),
-    "box.half_width": ("box.half_width_deg", _DEGREE),
-    "confirmation.noise": ("confirmation.noise_deg", _DEGREE),
-    "walk.time_limit": ("walk.time_limit_s", 1.0),
-}  # fmt: skip
-_KEYS = {
-    "study": ("name", "question", "seed"),
-    "search": tuple(field.name for field in fields(SearchSettings)),
-    "confirmation": tuple(_CONFIRMATION),
-    "box": ("chosen", "centre_deg", "centre_from", "half_width_deg"),
-    "constraints": tuple(_CONSTRAINTS),
-    "walk": ("model", "fidelity", "time_limit_s", "friction"),
-    "servo": tuple(_SERVO),
-    "foot": (*_FOOT, "rigid_toes"),
-    "design": tuple(_FOOT),
-}
+_FRICTION = Range(lower=0.1, upper=1.5)
+"""A variation may take half of it, or add half, and is still a walk that can be simulated."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """The file that settings were read from, and what took the place of its values."""
+
+    path: str
+    """The file, as it was named."""
+    text: str
+    """Its text."""
+    overrides: tuple[str, ...] = ()
+    """Settings that were given beside it, each section.key=value with the value in TOML."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,15 +81,15 @@ class StudySettings:
     """What makes a walk feasible."""
     walk: WalkSettings = field(default_factory=WalkSettings)
     """How a walk is simulated."""
+    source: Source | None = field(default=None, compare=False, repr=False)
+    """The file that it was read from; no part of its description, as it changes no walk."""
 
     def __post_init__(self) -> None:
         if not self.name or "/" in self.name or self.name.startswith("."):
             raise SettingsError(f"study.name must do as a folder's name, got '{self.name}'")
         if isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0:
             raise SettingsError(f"study.seed must be a whole number >= 0, got {self.seed}")
-        # A variation may take half of it, or add half, and is still a walk that can be simulated.
-        if not 0.1 <= self.walk.friction <= 1.5:
-            raise SettingsError(f"walk.friction must be 0.1 to 1.5, got {self.walk.friction}")
+        check("walk.friction", self.walk.friction, _FRICTION)
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -175,9 +135,16 @@ class StudySettings:
         return plain
 
 
-def study_settings(description: Mapping[str, Any]) -> StudySettings:
-    """The settings that `StudySettings.description` was taken from."""
-    nested: dict[str, dict[str, Any]] = {section: {} for section in _KEYS}
+def study_settings(
+    description: Mapping[str, Any], source: Mapping[str, Any] | None = None
+) -> StudySettings:
+    """Return the settings that `StudySettings.description` was taken from.
+
+    Args:
+        description: Every setting, as a study's file has them.
+        source: The fields of their `Source`, where the study's file has it.
+    """
+    nested: dict[str, dict[str, Any]] = {section: {} for section in KEYS}
     for name, value in description.items():
         section, _, key = name.partition(".")
         nested[section][key] = value
@@ -201,6 +168,9 @@ def study_settings(description: Mapping[str, Any]) -> StudySettings:
             friction=walk.get("friction", 1.0),
             servo=Servo(**nested["servo"]),
         ),
+        source=None
+        if source is None
+        else Source(path=source["path"], text=source["text"], overrides=tuple(source["overrides"])),
     )
 
 
@@ -222,11 +192,14 @@ def read_study(path: Path, overrides: Mapping[tuple[str, str], Any] | None = Non
         SettingsError: the file cannot be read, or a section, key or value cannot be used.
     """
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        content = tomllib.loads(text)
     except OSError as error:
         raise SettingsError(f"cannot read study {path}: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # A number may have too many digits for Python.
         raise SettingsError(f"study {path} is not TOML: {error}") from None
+    told = tuple(f"{'.'.join(name)}={as_toml(value)}" for name, value in (overrides or {}).items())
+    source = Source(path=str(path), text=text, overrides=told)
     for (section, key), value in (overrides or {}).items():
         if isinstance(values := content.setdefault(section, {}), dict):  # Others: see _study.
             values[key] = value
@@ -234,7 +207,7 @@ def read_study(path: Path, overrides: Mapping[tuple[str, str], Any] | None = Non
                 values.pop("centre_deg", None)
                 values[key] = str(Path(value).absolute()) if isinstance(value, str) else value
     try:
-        return _study(content, path.parent)
+        return replace(_study(content, path.parent), source=source)
     except SettingsError as error:
         changed = "".join(f", {section}.{key} set" for section, key in overrides or {})
         raise SettingsError(f"study {path}{changed}: {error}") from None
@@ -251,14 +224,14 @@ def read_override(text: str) -> tuple[tuple[str, str], Any]:
     name, equals, value = (part.strip() for part in text.partition("="))
     section, dot, key = name.partition(".")
     if not (equals and dot and section and key):
-        known = [f"{section}.{key}" for section, keys in _KEYS.items() for key in keys]
+        known = [f"{section}.{key}" for section, keys in KEYS.items() for key in keys]
         near = difflib.get_close_matches(name, known, n=1, cutoff=0.0)[0]
         raise SettingsError(
             f"a setting is given as section.key=value, like {near}=..., got '{text}'"
         )
     try:
         found = tomllib.loads(f"value = {value}")
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:
         if value.startswith(("[", "{", '"', "'")):
             raise SettingsError(f"the value of {name} is not TOML: {error}, got {value}") from None
         return (section, key), value
@@ -266,38 +239,13 @@ def read_override(text: str) -> tuple[tuple[str, str], Any]:
     return (section, key), found["value"] if len(found) == 1 else value
 
 
-def overrides(settings: StudySettings, standard: StudySettings) -> dict[str, str]:
-    """What makes a study of another one: values as TOML, by section.key, see `read_override`."""
-    before, found = standard.description(), {}
-    for name, value in settings.description().items():
-        if value is not None and value != before.get(name):
-            key, unit = _IN_FILE.get(name, (name, None))
-            found[key] = _as_toml(value, unit)
-    return found
-
-
-def _as_toml(value: Any, unit: float | None) -> str:
-    if isinstance(value, list):
-        return f"[{', '.join(_as_toml(item, unit) for item in value)}]"
-    # Twelve digits give back what somebody has written, and not what rounding made of it.
-    return json.dumps(value) if unit is None else f"{value / unit:.12g}"
-
-
 def _study(content: Mapping[str, Any], folder: Path) -> StudySettings:
-    known("section", content, _KEYS)
+    known("section", content, KEYS)
     for section, values in content.items():
         if not isinstance(values, Mapping):
             raise SettingsError(f"[{section}] must be a section, got {values!r}")
-        known(f"key of [{section}]", values, _KEYS[section])
+        known(f"key of [{section}]", values, KEYS[section])
     study, box = dict(content.get("study", {})), _box(content.get("box", {}), folder)
-    walk = dict(content.get("walk", {}))
-    if "time_limit_s" in walk:
-        walk["time_limit"] = number("walk.time_limit_s", walk.pop("time_limit_s"))
-    if "friction" in walk:
-        walk["friction"] = number("walk.friction", walk["friction"])
-    if "fidelity" in walk:
-        walk["fidelity"] = _fidelity(walk["fidelity"])
-    texts("walk", walk, ("model",))
     texts("study", study, ("question",))
     if not isinstance(study.get("name"), str):
         raise SettingsError('[study] needs a name = "..."')
@@ -305,15 +253,10 @@ def _study(content: Mapping[str, Any], folder: Path) -> StudySettings:
         **study,
         search=SearchSettings(**content.get("search", {})),
         confirmation=_confirmation(content.get("confirmation", {})),
-        space=DesignSpace(
-            centre=coefficients("box.centre_deg", box["centre_deg"]),
-            half_width=coefficients("box.half_width_deg", box["half_width_deg"]),
-            foot=_foot(content.get("foot", {})),
-            foot_ranges=_ranges(content.get("design", {})),
-        ),
+        space=_space(box, content),
         chosen=box.get("chosen", ""),
-        constraints=Constraints(**_scaled("constraints", content, _CONSTRAINTS)),
-        walk=WalkSettings(**walk, servo=Servo(**_scaled("servo", content, _SERVO))),
+        constraints=_made(Constraints, "constraints", content, CONSTRAINTS),
+        walk=_walk(content),
     )
 
 
@@ -331,30 +274,84 @@ def _box(values: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     return box
 
 
-def _scaled(
-    section: str, content: Mapping[str, Any], table: Mapping[str, tuple[str, float]]
-) -> dict[str, float]:
-    return {
-        table[key][0]: number(f"{section}.{key}", value) * table[key][1]
-        for key, value in content.get(section, {}).items()
-    }
+def _space(box: Mapping[str, Any], content: Mapping[str, Any]) -> DesignSpace:
+    foot, ranges = _foot(content.get("foot", {})), _ranges(content.get("design", {}))
+    if ranges and foot.rigid_toes:
+        opened = next(iter(content["design"]))
+        raise SettingsError(
+            f"design.{opened} is open, but rigid toes have nothing to search; leave it out, or let "
+            "foot.rigid_toes be false"
+        )
+    written = {**content.get("design", {}), **{key: box[key] for key in BOX}}
+    with _told_as_written("design", written, FOOT), _told_as_written("box", written, BOX):
+        return DesignSpace(
+            centre=coefficients("box.centre_deg", box["centre_deg"]),
+            half_width=coefficients("box.half_width_deg", box["half_width_deg"]),
+            foot=foot,
+            foot_ranges=ranges,
+        )
+
+
+def _walk(content: Mapping[str, Any]) -> WalkSettings:
+    values = dict(content.get("walk", {}))
+    texts("walk", values, ("model",))
+    measured = {key: values.pop(key) for key in WALK if key in values}
+    if "fidelity" in values:
+        values["fidelity"] = _fidelity(values["fidelity"])
+    if "friction" in measured:
+        with _told_as_written("walk", measured, WALK):
+            check("friction", number("walk.friction", measured["friction"]), _FRICTION)
+    servo = _made(Servo, "servo", content, SERVO)
+    return _made(WalkSettings, "walk", {"walk": measured}, WALK, servo=servo, **values)
 
 
 def _foot(values: Mapping[str, Any]) -> FootDesign:
-    measured = {key: value for key, value in values.items() if key in _FOOT}
-    return FootDesign(
-        **_scaled("foot", {"foot": measured}, _FOOT), rigid_toes=values.get("rigid_toes", False)
-    )
+    measured = {key: value for key, value in values.items() if key in FOOT}
+    rigid = values.get("rigid_toes", False)
+    if not isinstance(rigid, bool):
+        raise SettingsError(f"foot.rigid_toes must be true or false, got {rigid!r}")
+    return _made(FootDesign, "foot", {"foot": measured}, FOOT, rigid_toes=rigid)
 
 
 def _confirmation(values: Mapping[str, Any]) -> ConfirmationSettings:
-    given = {_CONFIRMATION[key]: value for key, value in values.items()}
-    for key in ("noise", "friction"):
-        if key in given:
-            given[key] = number(f"confirmation.{key}", given[key])
-    if "noise" in given:
-        given["noise"] *= _DEGREE
-    return ConfirmationSettings(**given)
+    measured = {key: values[key] for key in ("noise_deg", "friction") if key in values}
+    counts = {key: value for key, value in values.items() if key not in measured}
+    given = {"confirmation": measured}
+    return _made(ConfirmationSettings, "confirmation", given, CONFIRMATION, **counts)
+
+
+def _made(
+    kind: Callable[..., _Made],
+    section: str,
+    content: Mapping[str, Any],
+    table: Table,
+    **others: Any,
+) -> _Made:
+    """Return an object of settings from a section of numbers with units, and other arguments."""
+    written = content.get(section, {})
+    values = {
+        table[key][0]: number(f"{section}.{key}", value) * table[key][1].si
+        for key, value in written.items()
+    }
+    with _told_as_written(section, written, table):
+        return kind(**values, **others)
+
+
+@contextmanager
+def _told_as_written(section: str, written: Mapping[str, Any], table: Table) -> Iterator[None]:
+    """Tell of a number outside its range with the key, the value and the unit of the file."""
+    try:
+        yield
+    except OutOfRangeError as error:
+        for key, (field_name, unit) in table.items():
+            if field_name == error.field and key in written:
+                name, value = f"{section}.{key}", written[key]
+                if error.place is not None:
+                    row, column = error.place
+                    name = f"{WAVEFORMS[row]}_{TERMS[column]} of {name}"
+                    value = value[row][column]
+                raise SettingsError(error.told(name, repr(value), unit)) from None
+        raise
 
 
 def _fidelity(value: Any) -> Fidelity:
@@ -370,7 +367,7 @@ def _ranges(design: Mapping[str, Any]) -> tuple[tuple[str, float, float], ...]:
     for key, value in design.items():
         if not isinstance(value, list) or len(value) != 2:
             raise SettingsError(f"design.{key} must be [smallest, largest], got {value!r}")
-        name, unit = _FOOT[key]
-        low, high = (number(f"design.{key}", end) * unit for end in value)
+        name, unit = FOOT[key]
+        low, high = (number(f"design.{key}", end) * unit.si for end in value)
         ranges.append((name, low, high))
     return tuple(ranges)

@@ -2,7 +2,8 @@
 
 Tables (schema 3; SI units, angles in radians, numbers as full doubles):
 
-    study   key, value      schema, settings, model_sha256 and versions, each as JSON
+    study   key, value      schema, settings, model_sha256, versions and source (the file that
+                            the settings were read from, and what was set beside it), each as JSON
     walks   one row a walk  id is its place in the study; what it was simulated for (stage), of
                             which walk it is a variation and which one; the candidate, what it
                             did, its measures where they were taken, what was predicted of it,
@@ -29,6 +30,7 @@ from numpy.typing import NDArray
 from drake_gait.errors import GaitError, StudyError
 from drake_gait.study._database import Database, damaged, write_new
 from drake_gait.study._lock import driver_lock
+from drake_gait.study.keys import difference
 from drake_gait.study.records import (
     COLUMNS,
     CONFIRMATIONS,
@@ -172,12 +174,13 @@ class Study:
         Raises:
             StudyError: one is missing, or is not one that this version can use.
         """
-        found = self.description()["settings"]
+        description = self.description()
+        found = description["settings"]
         for key in _REQUIRED_SETTINGS:
             if key not in found:
                 raise damaged(self.path, f"its settings have no {key}")
         try:
-            return study_settings(found)
+            return study_settings(found, description.get("source"))
         except KeyError as error:
             why = f"the name {error} is missing, or unknown"
         except (GaitError, TypeError, ValueError, AttributeError) as error:
@@ -229,10 +232,8 @@ class Study:
         was, now = found["settings"], wanted.get("settings", found["settings"])
         for key in sorted((was.keys() | now.keys()) - _WORDS - {_BUDGET}):
             if was.get(key) != now.get(key):
-                raise StudyError(
-                    f"{folder} holds a study with {key} = {was.get(key)}, not {now.get(key)}; "
-                    f"{cure}"
-                )
+                told = difference(key, was.get(key), now.get(key))
+                raise StudyError(f"{folder} holds a study with {told}; {cure}")
         if found["model_sha256"] != wanted["model_sha256"]:
             raise StudyError(
                 f"{folder} holds a study of another version of {was.get('walk.model')}: the file "

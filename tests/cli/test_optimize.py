@@ -22,7 +22,7 @@ from drake_gait.study.store import Study
 PAPER = str(default_study().with_name("paper.toml"))
 TINY = (PAPER, "--samples", "20", "--simulations", "24")
 
-FILES = {"study.db", "result.json", "report.html", "walk.html", "figures"}
+FILES = {"study.db", "study.toml", "result.json", "report.html", "walk.html", "figures"}
 FIGURES = {
     *("waveforms", "paths", "postures", "ground_reaction", "torques"),
     *("convergence", "coordinates"),

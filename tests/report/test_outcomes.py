@@ -117,7 +117,7 @@ def test_the_console_counts_search_walks_and_announces_what_is_there(
         _write_results(study, opened, tmp_path)
     said = capsys.readouterr().out
     assert "1 of 3 walks survived" in said
-    assert said.endswith(f"{tmp_path}: report.html, result.json, study.db, figures\n")
+    assert said.endswith(f"{tmp_path}: report.html, result.json, study.db, study.toml, figures\n")
     assert "nan" not in said
 
 

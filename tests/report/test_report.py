@@ -3,8 +3,10 @@
 import dataclasses
 import json
 import re
+import shlex
 import shutil
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ from browser import (
     opened,
 )
 
+from drake_gait.cli.optimize import parse
 from drake_gait.cli.report import main
 from drake_gait.errors import GaitError, StudyError
 from drake_gait.report.page import (
@@ -28,7 +31,7 @@ from drake_gait.report.page import (
     write_study_page,
 )
 from drake_gait.report.result import summary
-from drake_gait.study.settings import read_study
+from drake_gait.study.toml import write_study_toml
 
 
 class Outline(HTMLParser):
@@ -151,18 +154,35 @@ def test_a_study_s_own_limits_stand_beside_the_paper_s(run, measures):
     assert "range of the torso's heading, at most 20</dd>" in page
 
 
-def test_the_command_of_a_study_on_file_says_what_was_set_otherwise(run, paper_study):
-    settings = read_study(paper_study, {("confirmation", "walks"): 24})
-    assert " --set confirmation.walks=24 --out " in command(
-        dataclasses.replace(run, settings=settings)
-    )
+@pytest.mark.parametrize(
+    "name", ["run", "two words", "it's $HOME; `true`", "größer", "-x", "#1", 'a "b" c']
+)
+def test_the_command_names_the_study_s_own_file_for_a_shell(run, tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    folder = Path(name)
+    folder.mkdir()
+    write_study_toml(run.settings, folder)
+    words = shlex.split(command(dataclasses.replace(run, folder=folder)))
+    assert words[:3] == ["python", "-m", "drake_gait.optimize"]
+    options = parse(words[3:])
+    assert options.study.samefile(folder / "study.toml")
+    assert options.settings().description() == run.settings.description()
+    assert options.out.name == f"{name}-again"
+    assert not options.out.exists()
 
 
-def test_the_command_makes_the_same_study_again(run):
-    assert command(run) == (
-        "python -m drake_gait.optimize studies/small.toml --seed 0 --samples 40 "
-        f"--simulations 55 --out runs/{run.folder.name}"
-    )
+def test_the_command_of_a_study_without_a_file_writes_it_first(run):
+    first, second = command(run).split(" && ")
+    assert shlex.split(first) == ["python", "-m", "drake_gait", "report", str(run.folder)]
+    assert shlex.split(second)[3] == f"{run.folder}/study.toml"
+
+
+def test_a_file_that_somebody_keeps_in_the_study_s_folder_is_left_alone(run):
+    mine = run.folder / "study.toml"
+    mine.write_text("[study]")
+    write_study_toml(run.settings, run.folder)
+    assert mine.read_text() == "[study]"
+    assert f"{run.folder}/study-settings.toml" in shlex.split(command(run))
 
 
 def test_a_comparison_has_a_column_for_each_study(run):

@@ -6,7 +6,8 @@ import tomllib
 import pytest
 
 from drake_gait.errors import SettingsError
-from drake_gait.study.settings import _KEYS, default_study, read_override, read_study
+from drake_gait.study.keys import KEYS
+from drake_gait.study.settings import default_study, read_override, read_study
 from drake_gait.study.store import SCHEMA, Study
 from drake_gait.walk import _CAUSES
 
@@ -45,9 +46,9 @@ def read(tmp_path):
 
 
 def test_the_page_has_every_setting_once(settings, page):
-    sections = [section for section in _KEYS if section != "design"]  # As [foot], it says.
-    assert list(settings) == [f"{section}.{key}" for section in sections for key in _KEYS[section]]
-    assert set(_KEYS["design"]) <= set(_KEYS["foot"])
+    sections = [section for section in KEYS if section != "design"]  # As [foot], it says.
+    assert list(settings) == [f"{section}.{key}" for section in sections for key in KEYS[section]]
+    assert set(KEYS["design"]) <= set(KEYS["foot"])
 
 
 def test_the_defaults_on_the_page_are_those_of_a_study_that_says_nothing(settings, read):

@@ -90,9 +90,10 @@ def test_more_feasible_walks_than_there_are_cannot_be_asked_for():
 
 
 @pytest.mark.parametrize("degrees", [-0.01, 5.8, math.nan, math.inf])
-def test_noise_out_of_range_is_refused_in_degrees(degrees):
-    message = refusal(ConfirmationSettings, noise=math.radians(degrees))
-    assert message == f"confirmation.noise must be 0 to 5.73 degrees, got {degrees:g}"
+def test_noise_out_of_range_is_refused_in_its_unit(degrees):
+    noise = math.radians(degrees)
+    message = refusal(ConfirmationSettings, noise=noise)
+    assert message == f"confirmation.noise must be 0 to 0.1 rad, got {noise}"
     ConfirmationSettings(noise=0.0)
 
 

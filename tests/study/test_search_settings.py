@@ -110,7 +110,10 @@ def test_they_return_from_their_description(read):
         ("[search]\nreplicas = 7", "leaves 300 walks for candidates that are proposed"),
         ("[confirmation]\nwalks = -1", "confirmation.walks"),
         ("[confirmation]\nfeasible = 9", "confirmation.feasible (9)"),
-        ("[confirmation]\nnoise_deg = 6", "confirmation.noise must be 0 to 5.73 degrees, got 6"),
+        (
+            "[confirmation]\nnoise_deg = 6",
+            "confirmation.noise_deg must be 0 to 5.72958 degrees, got 6",
+        ),
         ("[confirmation]\nnoise_deg = 'x'", "confirmation.noise"),
         ("[confirmation]\nfriction = nan", "confirmation.friction"),
         ("[confirmation]\nfriction = 0.6", "confirmation.friction must be 0 to 0.5, got 0.6"),

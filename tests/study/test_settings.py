@@ -11,7 +11,6 @@ from drake_gait.errors import SettingsError
 from drake_gait.study.search_settings import SearchSettings
 from drake_gait.study.settings import (
     default_study,
-    overrides,
     read_override,
     read_study,
     study_settings,
@@ -444,14 +443,3 @@ def test_a_study_that_does_not_exist_is_told_with_its_path(tmp_path):
         read_study(tmp_path / "nowhere.toml")
     with pytest.raises(SettingsError, match="cannot read study"):
         read_study(tmp_path)
-
-
-def test_what_is_told_to_be_set_makes_the_same_study_of_another_one(read):
-    wanted, standard = read(EVERY_KEY), read(MINIMAL)
-    told = dict(
-        read_override(f"{key}={value}") for key, value in overrides(wanted, standard).items()
-    )
-    assert told["constraints", "lateral_mm"] == 15
-    assert told["design", "big_toe_width_mm"] == [10, 40]
-    assert read(MINIMAL, told).description() == wanted.description()
-    assert overrides(wanted, wanted) == {}

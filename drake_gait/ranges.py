@@ -1,0 +1,94 @@
+"""Ranges of settings: checked in SI units, told in whatever unit a person wrote the value."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from drake_gait.errors import SettingsError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unit:
+    """A unit that people write."""
+
+    name: str
+    """Its name as text; empty for a number without one."""
+    si: float = 1.0
+    """One of it in SI units."""
+
+
+NONE = Unit(name="")
+"""The unit of a plain number."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Range:
+    """Numbers from `lower` to `upper`, in SI units."""
+
+    lower: float = -math.inf
+    """Smallest number."""
+    upper: float = math.inf
+    """Largest number; infinity itself is never within."""
+    open: bool = False
+    """Whether the ends themselves are outside."""
+
+    def __contains__(self, value: float) -> bool:
+        """Return whether a number is within; NaN never is."""
+        if not math.isfinite(value):
+            return False
+        if self.open:
+            return self.lower < value < self.upper
+        return self.lower <= value <= self.upper
+
+    def in_words(self, unit: Unit) -> str:
+        """Return the range as text, its ends in a unit."""
+        low, high = (f"{end / unit.si:.6g}" for end in (self.lower, self.upper))
+        name = f" {unit.name}" if unit.name else ""
+        if not self.open:
+            return f"{low} to {high}{name}"
+        if math.isinf(self.upper):
+            return f"> {low}{name} and finite"
+        return f"> {low} and < {high}{name}"
+
+
+POSITIVE = Range(lower=0.0, open=True)
+"""Every finite number above 0."""
+
+
+class OutOfRangeError(SettingsError):
+    """A number outside its range, which a reader of files tells as the person wrote it."""
+
+    def __init__(
+        self,
+        name: str,
+        field: str,
+        value: Any,
+        allowed: Range,
+        unit: Unit = NONE,
+        *,
+        demand: str = "must be",
+        place: tuple[int, int] | None = None,
+    ) -> None:
+        self.field, self.place = field, place
+        self._allowed, self._demand = allowed, demand
+        super().__init__(self.told(name, value, unit))
+
+    def told(self, name: str, value: Any, unit: Unit) -> str:
+        """Return the message for a name and a value, with the range in a unit."""
+        return f"{name} {self._demand} {self._allowed.in_words(unit)}, got {value}"
+
+
+def check(name: str, value: float, allowed: Range, unit: Unit = NONE) -> None:
+    """Refuse a number that is outside its range.
+
+    Args:
+        name: Its name as text; the last word is its field.
+        value: The number, in SI units.
+        allowed: The range.
+        unit: The SI unit, for the message.
+
+    Raises:
+        OutOfRangeError: it is outside.
+    """
+    if value not in allowed:
+        raise OutOfRangeError(name, name.replace(".", " ").split()[-1], value, allowed, unit)

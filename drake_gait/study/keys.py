@@ -1,0 +1,140 @@
+"""Sections and keys of a study's file, with the fields that they set and the units they are in.
+
+A key is declared here, once: reading, messages, and writing a file again follow.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+from drake_gait.foot import N_MM_PER_DEG
+from drake_gait.gait import TERMS, WAVEFORMS
+from drake_gait.ranges import NONE, Unit
+from drake_gait.study.search_settings import SearchSettings
+
+DEGREES = Unit(name="degrees", si=math.pi / 180.0)
+MM = Unit(name="mm", si=1e-3)
+N_MM_DEG = Unit(name="N·mm/deg", si=N_MM_PER_DEG)
+N_M, JOULES, SECONDS = Unit(name="N·m"), Unit(name="J"), Unit(name="s")
+RAD_PER_S, N_M_PER_RAD = Unit(name="rad/s"), Unit(name="N·m/rad")
+N_M_S_PER_RAD = Unit(name="N·m·s/rad")
+
+Table = Mapping[str, tuple[str, Unit]]
+"""Keys of a section, with the field that each sets and the unit that it is in."""
+
+SERVO: Table = {
+    "stiffness_n_m_per_rad": ("stiffness", N_M_PER_RAD),
+    "damping_n_m_s_per_rad": ("damping", N_M_S_PER_RAD),
+    "no_load_speed_rad_per_s": ("no_load_speed", RAD_PER_S),
+}
+CONSTRAINTS: Table = {
+    "lateral_mm": ("lateral", MM),
+    "yaw_deg": ("yaw", DEGREES),
+    "com_height_mm": ("com_height", MM),
+    "energy_j": ("energy", JOULES),
+    "positive_energy_j": ("positive_energy", JOULES),
+    "cost_of_transport": ("cost_of_transport", NONE),
+    "peak_torque_n_m": ("peak_torque", N_M),
+    "peak_speed_rad_per_s": ("peak_speed", RAD_PER_S),
+    "saturated_fraction": ("saturated_fraction", NONE),
+    "slip_mm": ("slip", MM),
+    "clearance_mm": ("clearance", MM),
+    "duty_factor": ("duty_factor", NONE),
+    "peak_ground_reaction": ("peak_ground_reaction", NONE),
+    "toe_range_deg": ("toe_range", DEGREES),
+    "yaw_swing_deg": ("yaw_swing", DEGREES),
+    "torso_tilt_deg": ("torso_tilt", DEGREES),
+}
+CONFIRMATION: Table = {
+    "walks": ("walks", NONE),
+    "winners": ("winners", NONE),
+    "replicas": ("replicas", NONE),
+    "feasible": ("feasible", NONE),
+    "noise_deg": ("noise", DEGREES),
+    "friction": ("friction", NONE),
+}
+FOOT: Table = {
+    "big_toe_stiffness_n_mm_per_deg": ("big_toe_stiffness", N_MM_DEG),
+    "lesser_toes_stiffness_n_mm_per_deg": ("lesser_toes_stiffness", N_MM_DEG),
+    "toe_damping_n_m_s_per_rad": ("toe_damping", N_M_S_PER_RAD),
+    "big_toe_width_mm": ("big_toe_width", MM),
+    "toe_length_mm": ("toe_length", MM),
+}
+WALK: Table = {"time_limit_s": ("time_limit", SECONDS), "friction": ("friction", NONE)}
+BOX: Table = {"centre_deg": ("centre", DEGREES), "half_width_deg": ("half_width", DEGREES)}
+
+KEYS = {
+    "study": ("name", "question", "seed"),
+    "search": tuple(field.name for field in fields(SearchSettings)),
+    "confirmation": tuple(CONFIRMATION),
+    "box": ("chosen", "centre_deg", "centre_from", "half_width_deg"),
+    "constraints": tuple(CONSTRAINTS),
+    "walk": ("model", "fidelity", "time_limit_s", "friction"),
+    "servo": tuple(SERVO),
+    "foot": (*FOOT, "rigid_toes"),
+    "design": tuple(FOOT),
+}
+"""Every section of a study's file, and its keys."""
+
+_IN_FILE = {
+    f"{section}.{field}": (f"{section}.{key}", unit)
+    for section, table in {
+        "servo": SERVO,
+        "constraints": CONSTRAINTS,
+        "confirmation": CONFIRMATION,
+        "foot": FOOT,
+        "design": FOOT,
+        "walk": WALK,
+        "box": BOX,
+    }.items()
+    for key, (field, unit) in table.items()
+}
+
+
+def in_file(name: str) -> tuple[str, Unit]:
+    """Return the key and the unit in a file of a setting that is named as in a description."""
+    return _IN_FILE.get(name, (name, NONE))
+
+
+def difference(name: str, was: Any, now: Any) -> str:
+    """Return how two values of a setting differ, as a file has them: "key = was, not now".
+
+    Args:
+        name: The setting, as a description names it.
+        was: Its value in a study, in SI units.
+        now: Its value now; of a table of coefficients the first that differs is told.
+    """
+    key, unit = in_file(name)
+    tables = [isinstance(value, list) and len(value) == len(WAVEFORMS) for value in (was, now)]
+    if name in ("box.centre", "box.half_width") and all(tables):
+        places = [
+            (row, column)
+            for row in range(len(WAVEFORMS))
+            for column in range(len(TERMS))
+            if was[row][column] != now[row][column]
+        ]
+        row, column = places[0]
+        others = f" ({len(places) - 1} more differ)" if len(places) > 1 else ""
+        key = f"{WAVEFORMS[row]}_{TERMS[column]} of {key}"
+        return f"{key} = {_pair(was[row][column], now[row][column], unit)}{others}"
+    return f"{key} = {_pair(was, now, unit)}"
+
+
+def _pair(was: Any, now: Any, unit: Unit) -> str:
+    """Return two values in as many digits as tell them apart."""
+    for digits in (6, 12, 17):
+        texts = [_text(value, unit, digits) for value in (was, now)]
+        if texts[0] != texts[1]:
+            break
+    return ", not ".join(texts)
+
+
+def _text(value: Any, unit: Unit, digits: int) -> str:
+    if isinstance(value, list):
+        return f"[{', '.join(_text(one, unit, digits) for one in value)}]"
+    if isinstance(value, float):
+        return f"{value / unit.si:.{digits}g}"
+    if value is None:
+        return "none"
+    return str(value).lower() if isinstance(value, bool) else str(value)

@@ -1,0 +1,78 @@
+"""A study's settings as a TOML file that makes the same study again."""
+
+import os
+from pathlib import Path
+
+from drake_gait.errors import StudyError
+from drake_gait.study._toml import as_toml
+from drake_gait.study.keys import KEYS, in_file
+from drake_gait.study.settings import StudySettings
+
+DEFAULT_NAME = "study.toml"
+_NAMES = (DEFAULT_NAME, "study-settings.toml")
+"""Its name in a study's folder; the second one where somebody keeps a file of the first name."""
+_HEADER = "# Settings of the study in this folder"
+
+
+def study_toml(settings: StudySettings) -> str:
+    """Return the text of a study's file: every setting that has a value, whatever it came from.
+
+    A limit that was removed is not there. The robot is named by its shipped name or by its path
+    from the root, so that the file is good in every folder.
+    """
+    sections: dict[str, list[str]] = {section: [] for section in KEYS}
+    for name, value in settings.description().items():
+        if value is None:
+            continue
+        if name == "walk.model" and os.sep in value:
+            value = str(Path(value).absolute())
+        key, unit = in_file(name)
+        section, _, short = key.partition(".")
+        sections[section].append(f"{short} = {as_toml(value, unit)}")
+    lines = [f"{_HEADER}{_origin(settings)}.", ""]
+    for section, entries in sections.items():
+        if entries:
+            lines += [f"[{section}]", *entries, ""]
+    return "\n".join(lines)
+
+
+def write_study_toml(settings: StudySettings, folder: Path) -> Path:
+    """Write the file into a study's folder; a file of somebody else is left alone.
+
+    Raises:
+        StudyError: it cannot be written.
+    """
+    path = next(
+        (path for path in _paths(folder) if not path.exists() or _is_ours(path)), _paths(folder)[-1]
+    )
+    try:
+        path.write_text(study_toml(settings), encoding="utf-8")
+    except OSError as error:
+        raise StudyError(f"cannot write {path}: {error.strerror}") from None
+    return path
+
+
+def written_study_toml(folder: Path) -> Path | None:
+    """Return the file in a study's folder; None where there is none yet."""
+    return next((path for path in _paths(folder) if _is_ours(path)), None)
+
+
+def _paths(folder: Path) -> list[Path]:
+    return [folder / name for name in _NAMES]
+
+
+def _is_ours(path: Path) -> bool:
+    try:
+        return path.read_bytes().startswith(_HEADER.encode())
+    except OSError:
+        return False
+
+
+def _origin(settings: StudySettings) -> str:
+    source = settings.source
+    if source is None:
+        return ""
+    told = f", read from {as_toml(source.path)}"
+    if source.overrides:
+        told += f" with {', '.join(as_toml(text) for text in source.overrides)} set"
+    return told
