@@ -20,8 +20,8 @@ from scipy.stats import spearmanr
 
 from drake_gait.gait import FloatArray
 from drake_gait.problem.problem import quantity
-from drake_gait.search.confirmation import finalists
 from drake_gait.simulation.simulate import simulate
+from drake_gait.study.finalists import finalists
 from drake_gait.study.settings import study_settings
 from drake_gait.study.store import Study
 from drake_gait.walk import Measures

@@ -24,9 +24,9 @@ import numpy as np
 from drake_gait.execution.local import Serial
 from drake_gait.optimization import open_study
 from drake_gait.report.result import PAPER_TABLE
-from drake_gait.search.confirmation import winner
 from drake_gait.search.loop import search
 from drake_gait.simulation.simulate import walk_trial
+from drake_gait.study.finalists import winner
 from drake_gait.study.ranking import best_walk
 from drake_gait.study.records import CONFIRMATIONS
 from drake_gait.study.search_settings import Mode

@@ -18,9 +18,10 @@ from pydrake.geometry import Meshcat
 from drake_gait.errors import GaitError, StudyError
 from drake_gait.provenance import file_sha256
 from drake_gait.report.result import in_words
-from drake_gait.search.confirmation import walked_as, winner
+from drake_gait.search.confirmation import walked_as
 from drake_gait.simulation.plant import model_path
 from drake_gait.simulation.simulate import simulate
+from drake_gait.study.finalists import winner
 from drake_gait.study.ranking import best_walk
 from drake_gait.study.records import CONFIRMATIONS, StudyWalk
 from drake_gait.study.settings import StudySettings

@@ -12,10 +12,10 @@ from drake_gait.files.strict_json import plain, to_json
 from drake_gait.gait import FloatArray
 from drake_gait.report.page import FIGURES, PORTRAIT, Run, write_study_page
 from drake_gait.report.result import in_words, summary
-from drake_gait.search.confirmation import measured, winner
 from drake_gait.search.proposer import training_data
 from drake_gait.simulation.plant import stall_torques
 from drake_gait.simulation.simulate import simulate
+from drake_gait.study.finalists import measured, winner
 from drake_gait.study.ranking import best_walk
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings

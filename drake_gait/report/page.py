@@ -24,7 +24,7 @@ from drake_gait.gait import FRAMES
 from drake_gait.report import tables as report_tables
 from drake_gait.report.result import PAPER_TABLE
 from drake_gait.report.tables import number, scaled
-from drake_gait.search.confirmation import shuffles
+from drake_gait.study.finalists import shuffles
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
 from drake_gait.study.toml import DEFAULT_NAME, written_study_toml

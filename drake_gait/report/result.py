@@ -9,7 +9,7 @@ import numpy as np
 
 from drake_gait.problem.problem import OUTPUTS, Constraints
 from drake_gait.provenance import versions
-from drake_gait.search.confirmation import Finalist, best_unslipping, finalists, winner
+from drake_gait.study.finalists import Finalist, best_unslipping, finalists, winner
 from drake_gait.study.ranking import best_walk, feasible_walks
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings

@@ -2,13 +2,16 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from drake_gait.problem.problem import Assessment, Candidate, Constraints, Objective, assess
 from drake_gait.study.records import StudyWalk
-from drake_gait.study.settings import StudySettings
 from drake_gait.walk import Outcome
+
+if TYPE_CHECKING:  # Settings may be read from an earlier study, whose walks are ranked here.
+    from drake_gait.study.settings import StudySettings
 
 ROBUST_SHARE = 7 / 8
 """Part of a candidate's walks that must be feasible."""
@@ -46,7 +49,7 @@ class Sample:
         return 2 + outcome, float(self.assessment.violations.sum()), self.number
 
 
-def sample(number: int, walks: Sequence[StudyWalk], settings: StudySettings) -> Sample:
+def sample(number: int, walks: Sequence[StudyWalk], settings: "StudySettings") -> Sample:
     """A candidate's walks, in the order of their variation, as one sample."""
     found = [settings.assess(walk.walk) for walk in walks]
     by_violation = sorted(found, key=lambda one: float(one.violations.sum()))

@@ -10,8 +10,9 @@ from browser import in_a_browser, opened
 from drake_gait.cli import replay
 from drake_gait.cli.replay import main
 from drake_gait.report.result import in_words
-from drake_gait.search.confirmation import walked_as, winner
+from drake_gait.search.confirmation import walked_as
 from drake_gait.simulation.simulate import simulate
+from drake_gait.study.finalists import winner
 from drake_gait.study.ranking import best_walk
 from drake_gait.study.settings import study_settings
 from drake_gait.study.store import Study

@@ -9,16 +9,9 @@ from conftest import Interruption, numbers, walk_at
 
 from drake_gait.execution.local import Finished
 from drake_gait.problem.problem import Trial
-from drake_gait.search.confirmation import (
-    REFERENCE,
-    best_unslipping,
-    confirm,
-    finalists,
-    measured,
-    walked_as,
-    winner,
-)
+from drake_gait.search.confirmation import confirm, walked_as
 from drake_gait.search.runner import Runner, perturbed
+from drake_gait.study.finalists import REFERENCE, best_unslipping, finalists, measured, winner
 from drake_gait.study.ranking import sample
 from drake_gait.study.records import CONFIRMATION, CONFIRMATIONS, StudyWalk
 from drake_gait.study.search_settings import ConfirmationSettings
