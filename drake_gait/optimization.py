@@ -42,7 +42,7 @@ def open_study(settings: StudySettings, folder: Path) -> Study:
     try:
         study.require(wanted)
         study.resize(settings.search.simulations)
-        if settings.source is not None:  # A study of before has none, and its budget may grow.
+        if settings.source is not None and "source" not in study.description():  # Of before.
             study.set("source", asdict(settings.source))
     except StudyError:
         study.close()

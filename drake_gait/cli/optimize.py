@@ -52,7 +52,12 @@ class Options:
 
     def settings(self) -> StudySettings:
         """The study's settings, with what the command line overrides."""
-        return read_study(self.study, dict(read_override(text) for text in self.overrides))
+        overrides = dict(read_override(text) for text in self.overrides)
+        return read_study(self.study, overrides, begun=self.folder)
+
+    def folder(self, name: str) -> Path:
+        """The folder of a study of this name."""
+        return self.out or Path("runs") / name
 
 
 def parse(arguments: Sequence[str] | None = None) -> Options:
@@ -102,7 +107,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         with sigterm_interrupts():
             settings = options.settings()
-            folder = options.out or Path("runs") / settings.name
+            folder = options.folder(settings.name)
             return _run(settings, folder, options.workers, options.dask)
     except GaitError as error:
         print(f"error: {error}", file=sys.stderr)
@@ -113,6 +118,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(settings: StudySettings, folder: Path, workers: int, dask: str | None) -> int:
+    for note in settings.notes:
+        print(note)
     with open_study(settings, folder) as study:
         if "finished" in study.description():
             print(

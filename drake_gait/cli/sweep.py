@@ -7,7 +7,6 @@ for each walk, anova.json and a figure.
 """
 
 import argparse
-import json
 import os
 import shlex
 import signal
@@ -28,6 +27,7 @@ from drake_gait.errors import GaitError, StudyError
 from drake_gait.execution.parent import GRACE, Lifeline
 from drake_gait.optimization import is_finished
 from drake_gait.study._lock import driver_lock, is_driven
+from drake_gait.study._toml import as_toml
 from drake_gait.sweep.grid import run_grid
 from drake_gait.sweep.results import (
     COST,
@@ -86,7 +86,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parse(arguments)
     try:
         with sigterm_interrupts():
-            sweep = read_sweep(options.sweep)
+            sweep = read_sweep(options.sweep, options.out)
             out = options.out or Path("runs") / sweep.name
             with driver_lock(out / "sweep"):
                 if sweep.grid is not None:
@@ -176,7 +176,7 @@ def _arguments(sweep: Sweep, study: PlannedStudy, out: Path) -> list[str]:
     """Return the arguments of `optimize` that run a study."""
     folder = study.folder(out)
     settings = [
-        f"{section}.{key}={json.dumps(value)}" for (section, key), value in study.overrides.items()
+        f"{section}.{key}={as_toml(value)}" for (section, key), value in study.overrides.items()
     ]
     command = [str(sweep.base), "--workers", "1", "--out", str(folder)]
     return command + [word for text in settings for word in ("--set", text)]

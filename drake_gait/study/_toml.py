@@ -1,17 +1,46 @@
 """What stands in a TOML file, checked: names, numbers, texts and tables of coefficients."""
 
 import difflib
-import json
 import math
-from collections.abc import Collection, Mapping
-from pathlib import Path
-from typing import Any
+import tomllib
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, TypeVar
 
 import numpy as np
 
 from drake_gait.errors import SettingsError
-from drake_gait.gait import FloatArray
-from drake_gait.ranges import NONE, Unit
+from drake_gait.gait import TERMS, WAVEFORMS, FloatArray
+from drake_gait.ranges import NONE, OutOfRangeError, Unit
+from drake_gait.study.keys import Table
+
+_Made = TypeVar("_Made")
+
+
+MOST_BITS = 13_000
+"""Python writes no longer whole number as text: 3914 digits."""
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Return the content of a TOML text.
+
+    Raises:
+        ValueError: it is not TOML, or has a number or a nesting that cannot be told of.
+    """
+    try:
+        content = tomllib.loads(text)
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
+    _refuse_long_numbers(content)
+    return content
+
+
+def _refuse_long_numbers(value: Any) -> None:
+    if isinstance(value, int) and value.bit_length() > MOST_BITS:
+        raise ValueError("a whole number in it has more than 3900 digits")
+    if isinstance(value, Mapping | list):
+        for one in value.values() if isinstance(value, Mapping) else value:
+            _refuse_long_numbers(one)
 
 
 def known(what: str, given: Mapping[str, Any], names: Collection[str]) -> None:
@@ -69,18 +98,42 @@ def coefficients(name: str, rows: Any) -> FloatArray:
     return radians
 
 
-def coefficients_of_result(path: Path) -> Any:
-    """The coefficients of a study's winner, from its result.json: rows of degrees.
+def made(
+    kind: Callable[..., _Made],
+    section: str,
+    content: Mapping[str, Any],
+    table: Table,
+    **others: Any,
+) -> _Made:
+    """Return an object of settings from a section of numbers with units, and other arguments.
 
     Raises:
-        SettingsError: the file cannot be read, or is no result.
+        SettingsError: a number is none, or is outside its range: told as it was written.
     """
+    written = content.get(section, {})
+    values = {
+        table[key][0]: number(f"{section}.{key}", value) * table[key][1].si
+        for key, value in written.items()
+    }
+    with told_as_written(section, written, table):
+        return kind(**values, **others)
+
+
+@contextmanager
+def told_as_written(section: str, written: Mapping[str, Any], table: Table) -> Iterator[None]:
+    """Tell of a number outside its range with the key, the value and the unit of the file."""
     try:
-        return json.loads(path.read_text(encoding="utf-8"))["coefficients_deg"]
-    except OSError as error:
-        raise SettingsError(f"cannot read the result {path}: {error.strerror}") from None
-    except (ValueError, KeyError, TypeError):
-        raise SettingsError(f"{path} is no result.json of a study") from None
+        yield
+    except OutOfRangeError as error:
+        for key, (field_name, unit) in table.items():
+            if field_name == error.field and key in written:
+                name, value = f"{section}.{key}", written[key]
+                if error.place is not None:
+                    row, column = error.place
+                    name = f"{WAVEFORMS[row]}_{TERMS[column]} of {name}"
+                    value = value[row][column]
+                raise SettingsError(error.told(name, repr(value), unit)) from None
+        raise
 
 
 def as_toml(value: Any, unit: Unit = NONE) -> str:
@@ -98,9 +151,7 @@ def as_toml(value: Any, unit: Unit = NONE) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
-        # TOML has no halves of a character, which a command line can hold, and no bare delete.
-        whole = value.encode("utf-8", "replace").decode("utf-8")
-        return json.dumps(whole, ensure_ascii=False).replace("\x7f", "\\u007f")
+        return _quoted(value)
     if isinstance(value, float):
         return _number_as_toml(value, unit.si)
     return str(value)
@@ -114,3 +165,19 @@ def _number_as_toml(value: float, si: float) -> str:
     near = [guess, math.nextafter(guess, math.inf), math.nextafter(guess, -math.inf)]
     texts = [f"{guess:.{digits}g}" for digits in (12, 15, 16)] + [repr(one) for one in near]
     return next((text for text in texts if float(text) * si == value), repr(guess))
+
+
+def _quoted(text: str) -> str:
+    """Return a text in quotes and in ASCII, so that every locale passes it on."""
+    # TOML has no halves of a character, which a command line can hold.
+    whole = text.encode("utf-8", "replace").decode("utf-8")
+    return f'"{"".join(map(_escaped, whole))}"'
+
+
+def _escaped(character: str) -> str:
+    if character in '"\\':
+        return f"\\{character}"
+    if " " <= character <= "~":
+        return character
+    code = ord(character)
+    return f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"

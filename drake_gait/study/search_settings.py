@@ -121,4 +121,4 @@ def _one_of(name: str, kind: type[_Enum], value: Any) -> _Enum:
 
 def _whole(name: str, value: Any, least: int) -> None:
     if isinstance(value, bool) or not isinstance(value, int) or value < least:
-        raise SettingsError(f"{name} must be a whole number >= {least}, got {value}")
+        raise SettingsError(f"{name} must be a whole number >= {least}, got {value!r}")

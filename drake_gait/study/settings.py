@@ -6,19 +6,16 @@ is SI. Unknown sections and keys are refused with the nearest one that exists.
 
 import difflib
 import json
-import tomllib
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from drake_gait.errors import SettingsError
 from drake_gait.foot import FootDesign
-from drake_gait.gait import TERMS, WAVEFORMS
 from drake_gait.problem.problem import (
     OF_EVERY_WALK,
     Assessment,
@@ -27,21 +24,25 @@ from drake_gait.problem.problem import (
     assess,
     quantities,
 )
-from drake_gait.ranges import OutOfRangeError, Range, check
+from drake_gait.ranges import Range, check
 from drake_gait.servo import Servo
 from drake_gait.study._toml import (
+    MOST_BITS,
     as_toml,
     coefficients,
-    coefficients_of_result,
     known,
+    made,
     number,
+    parse_toml,
     texts,
+    told_as_written,
 )
-from drake_gait.study.keys import BOX, CONFIRMATION, CONSTRAINTS, FOOT, KEYS, SERVO, WALK, Table
+from drake_gait.study.centre import resolve_centre, whole_path
+from drake_gait.study.keys import BOX, CONFIRMATION, CONSTRAINTS, FOOT, KEYS, SERVO, WALK
 from drake_gait.study.search_settings import ConfirmationSettings, SearchSettings
 from drake_gait.walk import Fidelity, Walk, WalkSettings
 
-_Made = TypeVar("_Made")
+_OTHER_CENTRE = {"centre_from": "centre_deg", "centre_deg": "centre_from"}
 
 _FRICTION = Range(lower=0.1, upper=1.5)
 """A variation may take half of it, or add half, and is still a walk that can be simulated."""
@@ -57,6 +58,8 @@ class Source:
     """Its text."""
     overrides: tuple[str, ...] = ()
     """Settings that were given beside it, each section.key=value with the value in TOML."""
+    centre_from: Mapping[str, Any] | None = None
+    """Where the box's centre came from: the path as written, the whole path, keys of its foot."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,12 +86,16 @@ class StudySettings:
     """How a walk is simulated."""
     source: Source | None = field(default=None, compare=False, repr=False)
     """The file that it was read from; no part of its description, as it changes no walk."""
+    notes: tuple[str, ...] = field(default=(), compare=False, repr=False)
+    """Sentences for a person about how it was read."""
 
     def __post_init__(self) -> None:
         if not self.name or "/" in self.name or self.name.startswith("."):
-            raise SettingsError(f"study.name must do as a folder's name, got '{self.name}'")
+            raise SettingsError(f"study.name must do as a folder's name, got {self.name!r}")
         if isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0:
-            raise SettingsError(f"study.seed must be a whole number >= 0, got {self.seed}")
+            raise SettingsError(f"study.seed must be a whole number >= 0, got {self.seed!r}")
+        if self.seed.bit_length() > MOST_BITS:
+            raise SettingsError("study.seed must have at most 3900 digits")
         check("walk.friction", self.walk.friction, _FRICTION)
 
     @property
@@ -170,7 +177,12 @@ def study_settings(
         ),
         source=None
         if source is None
-        else Source(path=source["path"], text=source["text"], overrides=tuple(source["overrides"])),
+        else Source(
+            path=source["path"],
+            text=source["text"],
+            overrides=tuple(source["overrides"]),
+            centre_from=source.get("centre_from"),
+        ),
     )
 
 
@@ -181,33 +193,47 @@ def default_study() -> Path:
     return inside if inside.is_file() else package.parent / "studies" / "steady.toml"
 
 
-def read_study(path: Path, overrides: Mapping[tuple[str, str], Any] | None = None) -> StudySettings:
+def read_study(
+    path: Path,
+    overrides: Mapping[tuple[str, str], Any] | None = None,
+    *,
+    begun: Callable[[str], Path] | None = None,
+) -> StudySettings:
     """Read a study's TOML file.
 
     Args:
         path: The file.
         overrides: Values that take the place of those in the file, by section and key.
+        begun: Folder of a study by its name: one that has begun there goes on around the gait that
+            it began with, whatever has become of the study in `box.centre_from`.
 
     Raises:
         SettingsError: the file cannot be read, or a section, key or value cannot be used.
     """
     try:
         text = path.read_text(encoding="utf-8")
-        content = tomllib.loads(text)
+        content = parse_toml(text)
     except OSError as error:
         raise SettingsError(f"cannot read study {path}: {error.strerror}") from None
-    except (ValueError, RecursionError) as error:  # A number may have too many digits for Python.
+    except ValueError as error:
         raise SettingsError(f"study {path} is not TOML: {error}") from None
     told = tuple(f"{'.'.join(name)}={as_toml(value)}" for name, value in (overrides or {}).items())
     source = Source(path=str(path), text=text, overrides=told)
     for (section, key), value in (overrides or {}).items():
         if isinstance(values := content.setdefault(section, {}), dict):  # Others: see _study.
             values[key] = value
-            if key == "centre_from":  # Said here and now: instead of the file's, from this folder.
-                values.pop("centre_deg", None)
-                values[key] = str(Path(value).absolute()) if isinstance(value, str) else value
+            other = _OTHER_CENTRE.get(key)
+            if other is not None and (section, other) not in (overrides or {}):
+                values.pop(other, None)  # Said here and now: instead of the file's.
+            if key == "centre_from" and isinstance(value, str):  # From this folder.
+                values[key] = str(whole_path(Path(), value))
     try:
-        return replace(_study(content, path.parent), source=source)
+        _check_sections(content)
+        name = content.get("study", {}).get("name")
+        folder = begun(name) if begun is not None and isinstance(name, str) else None
+        content, origin, notes = resolve_centre(content, path.parent, folder, study_settings)
+        source = replace(source, centre_from=origin)
+        return replace(_study(content), source=source, notes=notes)
     except SettingsError as error:
         changed = "".join(f", {section}.{key} set" for section, key in overrides or {})
         raise SettingsError(f"study {path}{changed}: {error}") from None
@@ -230,8 +256,8 @@ def read_override(text: str) -> tuple[tuple[str, str], Any]:
             f"a setting is given as section.key=value, like {near}=..., got '{text}'"
         )
     try:
-        found = tomllib.loads(f"value = {value}")
-    except (ValueError, RecursionError) as error:
+        found = parse_toml(f"value = {value}")
+    except ValueError as error:
         if value.startswith(("[", "{", '"', "'")):
             raise SettingsError(f"the value of {name} is not TOML: {error}, got {value}") from None
         return (section, key), value
@@ -239,13 +265,16 @@ def read_override(text: str) -> tuple[tuple[str, str], Any]:
     return (section, key), found["value"] if len(found) == 1 else value
 
 
-def _study(content: Mapping[str, Any], folder: Path) -> StudySettings:
+def _check_sections(content: Mapping[str, Any]) -> None:
     known("section", content, KEYS)
     for section, values in content.items():
         if not isinstance(values, Mapping):
             raise SettingsError(f"[{section}] must be a section, got {values!r}")
         known(f"key of [{section}]", values, KEYS[section])
-    study, box = dict(content.get("study", {})), _box(content.get("box", {}), folder)
+
+
+def _study(content: Mapping[str, Any]) -> StudySettings:
+    study, box = dict(content.get("study", {})), _box(content.get("box", {}))
     texts("study", study, ("question",))
     if not isinstance(study.get("name"), str):
         raise SettingsError('[study] needs a name = "..."')
@@ -255,19 +284,15 @@ def _study(content: Mapping[str, Any], folder: Path) -> StudySettings:
         confirmation=_confirmation(content.get("confirmation", {})),
         space=_space(box, content),
         chosen=box.get("chosen", ""),
-        constraints=_made(Constraints, "constraints", content, CONSTRAINTS),
+        constraints=made(Constraints, "constraints", content, CONSTRAINTS),
         walk=_walk(content),
     )
 
 
-def _box(values: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """The box with its centre, which may be the winner of an earlier study."""
+def _box(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the box, with all that it must have."""
     box = dict(values)
-    texts("box", box, ("chosen", "centre_from"))
-    if "centre_from" in box:
-        if "centre_deg" in box:
-            raise SettingsError("[box] has either centre_deg or centre_from")
-        box["centre_deg"] = coefficients_of_result(folder / box["centre_from"])
+    texts("box", box, ("chosen",))
     for key in ("centre_deg", "half_width_deg"):
         if key not in box:
             raise SettingsError(f"[box] needs {key}: 4 rows (roll, hip, knee, ankle) of 4 degrees")
@@ -283,7 +308,7 @@ def _space(box: Mapping[str, Any], content: Mapping[str, Any]) -> DesignSpace:
             "foot.rigid_toes be false"
         )
     written = {**content.get("design", {}), **{key: box[key] for key in BOX}}
-    with _told_as_written("design", written, FOOT), _told_as_written("box", written, BOX):
+    with told_as_written("design", written, FOOT), told_as_written("box", written, BOX):
         return DesignSpace(
             centre=coefficients("box.centre_deg", box["centre_deg"]),
             half_width=coefficients("box.half_width_deg", box["half_width_deg"]),
@@ -299,10 +324,10 @@ def _walk(content: Mapping[str, Any]) -> WalkSettings:
     if "fidelity" in values:
         values["fidelity"] = _fidelity(values["fidelity"])
     if "friction" in measured:
-        with _told_as_written("walk", measured, WALK):
+        with told_as_written("walk", measured, WALK):
             check("friction", number("walk.friction", measured["friction"]), _FRICTION)
-    servo = _made(Servo, "servo", content, SERVO)
-    return _made(WalkSettings, "walk", {"walk": measured}, WALK, servo=servo, **values)
+    servo = made(Servo, "servo", content, SERVO)
+    return made(WalkSettings, "walk", {"walk": measured}, WALK, servo=servo, **values)
 
 
 def _foot(values: Mapping[str, Any]) -> FootDesign:
@@ -310,48 +335,14 @@ def _foot(values: Mapping[str, Any]) -> FootDesign:
     rigid = values.get("rigid_toes", False)
     if not isinstance(rigid, bool):
         raise SettingsError(f"foot.rigid_toes must be true or false, got {rigid!r}")
-    return _made(FootDesign, "foot", {"foot": measured}, FOOT, rigid_toes=rigid)
+    return made(FootDesign, "foot", {"foot": measured}, FOOT, rigid_toes=rigid)
 
 
 def _confirmation(values: Mapping[str, Any]) -> ConfirmationSettings:
     measured = {key: values[key] for key in ("noise_deg", "friction") if key in values}
     counts = {key: value for key, value in values.items() if key not in measured}
     given = {"confirmation": measured}
-    return _made(ConfirmationSettings, "confirmation", given, CONFIRMATION, **counts)
-
-
-def _made(
-    kind: Callable[..., _Made],
-    section: str,
-    content: Mapping[str, Any],
-    table: Table,
-    **others: Any,
-) -> _Made:
-    """Return an object of settings from a section of numbers with units, and other arguments."""
-    written = content.get(section, {})
-    values = {
-        table[key][0]: number(f"{section}.{key}", value) * table[key][1].si
-        for key, value in written.items()
-    }
-    with _told_as_written(section, written, table):
-        return kind(**values, **others)
-
-
-@contextmanager
-def _told_as_written(section: str, written: Mapping[str, Any], table: Table) -> Iterator[None]:
-    """Tell of a number outside its range with the key, the value and the unit of the file."""
-    try:
-        yield
-    except OutOfRangeError as error:
-        for key, (field_name, unit) in table.items():
-            if field_name == error.field and key in written:
-                name, value = f"{section}.{key}", written[key]
-                if error.place is not None:
-                    row, column = error.place
-                    name = f"{WAVEFORMS[row]}_{TERMS[column]} of {name}"
-                    value = value[row][column]
-                raise SettingsError(error.told(name, repr(value), unit)) from None
-        raise
+    return made(ConfirmationSettings, "confirmation", given, CONFIRMATION, **counts)
 
 
 def _fidelity(value: Any) -> Fidelity:

@@ -245,7 +245,7 @@ def fit(x: ArrayLike, outputs: ArrayLike, survived: ArrayLike, *, seed: int = 0)
 def _fitted(
     x: FloatArray, outputs: FloatArray, survived: BoolArray, learnt: BoolArray, seed: int
 ) -> Surrogate:
-    generator = torch.Generator(device="cpu").manual_seed(seed)
+    generator = torch.Generator(device="cpu").manual_seed(_seed_for_torch(seed))
     targets, count = outputs[learnt], int(learnt.sum())
     scaling = (targets.mean(axis=0), np.maximum(targets.std(axis=0), 1e-12))
     x_learnt = torch.from_numpy(x[learnt])
@@ -313,7 +313,7 @@ def fit_single(x: ArrayLike, targets: ArrayLike, *, seed: int = 0) -> SingleNetw
         return 0.5 * ((outputs - standard) ** 2).mean()  # Eq. 21
 
     with learning():
-        generator = torch.Generator(device="cpu").manual_seed(seed)
+        generator = torch.Generator(device="cpu").manual_seed(_seed_for_torch(seed))
         network = _Ensemble(x.shape[1], targets.shape[1], generator, members=1, units=_PAPER_UNITS)
         network.train(loss, torch.from_numpy(x), epochs=_PAPER_EPOCHS, weight_decay=0.0)
     return SingleNetwork(network, scaling)
@@ -357,6 +357,13 @@ def checked_walks(
         raise SettingsError("survived must be (n,) in shape, each True or False")
     _refuse_infinite("x", points)
     return points, values, alive.astype(np.bool_)
+
+
+def _seed_for_torch(seed: int) -> int:
+    """A seed as torch takes it, of 64 bits; those of more are mixed down to so many."""
+    if seed < 2**64:
+        return seed
+    return int(np.random.SeedSequence(seed).generate_state(1, np.uint64)[0])
 
 
 def folds_of(count: int, seed: int) -> IntArray:

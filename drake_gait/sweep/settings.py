@@ -26,7 +26,6 @@ A grid has, in place of seeds and variants, gaits that walk on every foot of the
 """
 
 import os
-import tomllib
 import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -36,8 +35,10 @@ from typing import Any
 from drake_gait.errors import SettingsError
 from drake_gait.foot import FootDesign
 from drake_gait.gait import Gait
-from drake_gait.study._toml import coefficients_of_result
-from drake_gait.study.settings import StudySettings, read_study
+from drake_gait.study._toml import parse_toml
+from drake_gait.study.centre import whole_path
+from drake_gait.study.earlier_study import earlier_winner
+from drake_gait.study.settings import StudySettings, read_study, study_settings
 
 Overrides = Mapping[tuple[str, str], Any]
 
@@ -116,25 +117,29 @@ class Sweep:
         return tuple(dict.fromkeys(study.variant for study in self.studies))
 
 
-def read_sweep(path: Path) -> Sweep:
+def read_sweep(path: Path, out: Path | None = None) -> Sweep:
     """Read a sweep's TOML file; every study in it is read too, so that none is refused later.
+
+    Args:
+        path: The file.
+        out: The sweep's folder; runs/<name> if None. Studies in it may have begun.
 
     Raises:
         SettingsError: the file, its base or a result cannot be read, or a value cannot be used.
     """
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        content = parse_toml(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise SettingsError(f"cannot read sweep {path}: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise SettingsError(f"sweep {path} is not TOML: {error}") from None
     try:
-        return _sweep(content, path.parent)
+        return _sweep(content, path.parent, out)
     except SettingsError as error:
         raise SettingsError(f"sweep {path}: {error}") from None
 
 
-def _sweep(content: Mapping[str, Any], folder: Path) -> Sweep:
+def _sweep(content: Mapping[str, Any], folder: Path, out: Path | None) -> Sweep:
     _only("section", content, ("sweep", "common", "variants", "grid"))
     head = _table("sweep", content.get("sweep", {}))
     _only("key of [sweep]", head, _SWEEP_KEYS)
@@ -144,7 +149,7 @@ def _sweep(content: Mapping[str, Any], folder: Path) -> Sweep:
     if not isinstance(head.get("question", ""), str):
         raise SettingsError(f"sweep.question must be text, got {head['question']!r}")
     base = folder / head["base"]
-    common = _overrides("common", content.get("common", {}))
+    common = _overrides("common", content.get("common", {}), folder)
     named = {"name": head["name"], "question": head.get("question", ""), "base": base}
     if ("grid" in content) == ("variants" in content):
         raise SettingsError("a sweep has either [variants.NAME] sections or a [grid]")
@@ -154,11 +159,11 @@ def _sweep(content: Mapping[str, Any], folder: Path) -> Sweep:
         return Sweep(**named, grid=_grid(_table("grid", content["grid"]), base, common, folder))
     _check_names(_table("variants", content["variants"]))
     variants = {
-        name: {**common, **_overrides(f"variants.{name}", values)}
+        name: {**common, **_overrides(f"variants.{name}", values, folder)}
         for name, values in _table("variants", content["variants"]).items()
     }
     studies = tuple(
-        _planned(head["name"], variant, seed, base, overrides)
+        _planned(head["name"], variant, seed, base, overrides, out)
         for seed in _seeds(head.get("seeds"))
         for variant, overrides in variants.items()
     )
@@ -183,9 +188,12 @@ def _check_names(variants: Mapping[str, Any]) -> None:
             )
 
 
-def _planned(sweep: str, variant: str, seed: int, base: Path, overrides: Overrides) -> PlannedStudy:
+def _planned(
+    sweep: str, variant: str, seed: int, base: Path, overrides: Overrides, out: Path | None
+) -> PlannedStudy:
     overrides = {**overrides, ("study", "name"): f"{sweep}-{variant}", ("study", "seed"): seed}
-    settings = read_study(base, overrides)
+    folder = (out or Path("runs") / sweep) / variant / f"seed-{seed}"
+    settings = read_study(base, overrides, begun=lambda name: folder)
     return PlannedStudy(variant=variant, seed=seed, settings=settings, overrides=overrides)
 
 
@@ -267,7 +275,11 @@ def _gaits(values: Mapping[str, Any], folder: Path) -> tuple[Gait, ...]:
         raise SettingsError(f"grid.coefficients_deg must be a list of gaits, got {tables!r}")
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise SettingsError(f'grid.results must be a list of files, ["..."], got {names!r}')
-    tables = [*tables, *(coefficients_of_result(folder / name) for name in names)]
+    results = (folder / name for name in names)
+    tables = [
+        *tables,
+        *(earlier_winner(path, study_settings).coefficients_deg for path in results),
+    ]
     if not tables:
         raise SettingsError('[grid] needs gaits: results = ["..."] or coefficients_deg = [...]')
     return tuple(Gait.from_degrees(table) for table in tables)
@@ -280,12 +292,21 @@ def _seeds(seeds: Any) -> list[int]:
     return list(seeds)
 
 
-def _overrides(name: str, values: Any) -> dict[tuple[str, str], Any]:
+def _overrides(name: str, values: Any, folder: Path) -> dict[tuple[str, str], Any]:
+    """Settings by section and key; what is relative to the sweep's file is made absolute."""
     return {
-        (section, key): value
+        (section, key): _from_folder(folder, value)
+        if (section, key) == ("box", "centre_from")
+        else value
         for section, keys in _table(name, values).items()
         for key, value in _table(f"{name}.{section}", keys).items()
     }
+
+
+def _from_folder(folder: Path, value: Any) -> Any:
+    if not isinstance(value, str):
+        return value
+    return str(whole_path(folder, value))
 
 
 def _table(name: str, values: Any) -> Mapping[str, Any]:

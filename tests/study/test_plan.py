@@ -46,7 +46,7 @@ def test_a_choice_may_be_given_by_its_word(mode, objective):
     ("name", "least"), [("samples", 1), ("simulations", 1), ("batch", 4), ("replicas", 1)]
 )
 def test_a_number_of_walks_is_a_whole_number_of_the_least_or_more(name, least, value):
-    expected = f"search.{name} must be a whole number >= {least}, got {value}"
+    expected = f"search.{name} must be a whole number >= {least}, got {value!r}"
     assert refusal(SearchSettings, **{name: value}) == expected
 
 
@@ -79,7 +79,7 @@ def test_walks_that_are_no_whole_number_of_candidates_are_refused(mode, proposed
 @pytest.mark.parametrize("beyond", [-1, 0.5, True])
 def test_a_number_of_the_confirmation_is_a_whole_one(name, least, beyond):
     value = True if beyond is True else least + beyond
-    expected = f"confirmation.{name} must be a whole number >= {least}, got {value}"
+    expected = f"confirmation.{name} must be a whole number >= {least}, got {value!r}"
     assert refusal(ConfirmationSettings, **{name: value}) == expected
 
 

@@ -1,0 +1,155 @@
+"""The middle of a box that lies around the winner of an earlier study, and the foot beside it.
+
+The study's file names the earlier one (`box.centre_from`). Once a study has begun, its own file
+says around which gait: it goes on whatever has become of the earlier one.
+"""
+
+import math
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from drake_gait.errors import SettingsError, StudyError
+from drake_gait.foot import FootDesign
+from drake_gait.problem.problem import ROUNDING
+from drake_gait.study._toml import as_toml, texts
+from drake_gait.study.earlier_study import earlier_winner, foot_in_file
+from drake_gait.study.keys import DEGREES, FOOT
+from drake_gait.study.store import Study
+
+if TYPE_CHECKING:
+    from drake_gait.study.settings import StudySettings
+
+_Middle = tuple[list[list[float]], dict[str, Any]]
+"""Rows of degrees, and keys of [foot] with their values."""
+
+
+def whole_path(folder: Path, written: str) -> Path:
+    """Return the path that somebody has written, from the root and without "..".
+
+    A symbolic link in it stays one: it is the name that counts, not where the link leads today.
+    """
+    return Path(os.path.abspath(folder / Path(written).expanduser()))  # noqa: PTH100
+
+
+def resolve_centre(
+    content: Mapping[str, Any],
+    folder: Path,
+    begun: Path | None,
+    settings_of: Callable[[Mapping[str, Any]], "StudySettings"],
+) -> tuple[dict[str, Any], dict[str, Any] | None, tuple[str, ...]]:
+    """Put the gait and the foot of an earlier study into the content of a study's file.
+
+    The foot comes along but for the keys that the file gives itself.
+
+    Args:
+        content: Sections of the file; `box.centre_from` is used if it is there.
+        folder: What the earlier study's path is relative to.
+        begun: Folder of the study that is read, which may have begun already.
+        settings_of: Makes settings of a study's description.
+
+    Returns:
+        The content with `box.centre_deg` and [foot] as they are to be, what to keep of where they
+        came from, and sentences for a person.
+
+    Raises:
+        SettingsError: the earlier study cannot be read, and the study has not begun.
+    """
+    box = content.get("box", {})
+    if not isinstance(box, Mapping) or "centre_from" not in box:
+        return dict(content), None, ()
+    texts("box", box, ("centre_from",))
+    if "centre_deg" in box:
+        raise SettingsError("[box] has either centre_deg or centre_from")
+    written = box["centre_from"]
+    path = whole_path(folder, written)
+    kept = _kept(begun, written, path)
+    given = content.get("foot", {})
+    notes: list[str] = []
+    try:
+        found = earlier_winner(path, settings_of)
+        centre, foot = found.coefficients_deg, found.foot
+    except SettingsError as error:
+        if kept is None:
+            raise SettingsError(f"box.centre_from: {error}") from None
+        centre, foot = kept
+        notes = [f"{error}; the study in {begun} goes on around what it began with"]
+    if kept is not None:
+        if not _is_alike(kept, (centre, foot)):
+            notes = [f"{path} has changed; the study in {begun} goes on around what it began with"]
+        centre, foot = kept
+    taken = {key: value for key, value in (foot or {}).items() if key not in given}
+    notes += _about_the_foot(path, foot, taken, given, content.get("design", {}))
+    origin = {"written": written, "path": str(path), "foot": sorted(taken)}
+    rest = {key: value for key, value in box.items() if key != "centre_from"}
+    new = {**content, "box": {**rest, "centre_deg": centre}, "foot": {**taken, **given}}
+    return new, origin, tuple(notes)
+
+
+def _is_alike(kept: _Middle, found: tuple[Any, Mapping[str, Any] | None]) -> bool:
+    """Whether an earlier study still has the gait and the foot that were taken from it."""
+    centre, foot = found
+    try:
+        differ = np.radians(np.array(centre, dtype=float)) - np.radians(kept[0])
+    except (TypeError, ValueError):
+        return False
+    same_foot = all(
+        math.isclose(value, (foot or {}).get(key, math.nan), rel_tol=1e-9)
+        for key, value in kept[1].items()
+    )
+    return same_foot and bool((np.abs(differ) <= ROUNDING).all())
+
+
+def _kept(begun: Path | None, written: str, path: Path) -> _Middle | None:
+    """Return centre and foot of the study if it has begun around this earlier one, else None."""
+    file = None if begun is None else begun / "study.db"
+    if file is None or not file.is_file():
+        return None
+    try:
+        with Study.open(file) as study:
+            description = study.description()
+    except StudyError:
+        return None  # Who opens it to go on says what is wrong.
+    origin = (description.get("source") or {}).get("centre_from") or {}
+    if written != origin.get("written") and str(path) != origin.get("path"):
+        return None
+    settings = description["settings"]
+    centre = [[float(as_toml(one, DEGREES)) for one in row] for row in settings["box.centre"]]
+    own = {name: settings[f"foot.{name}"] for name in (*_FIELDS, "rigid_toes")}
+    foot = foot_in_file(own)
+    return centre, {key: foot[key] for key in origin.get("foot", ()) if key in foot}
+
+
+_FIELDS = tuple(field for field, _ in FOOT.values())
+
+
+def _about_the_foot(
+    path: Path,
+    foot: Mapping[str, Any] | None,
+    taken: Mapping[str, Any],
+    given: Mapping[str, Any],
+    opened: Mapping[str, Any],
+) -> list[str]:
+    """Return what a person should know of the foot, in at most one sentence."""
+    if foot is None:
+        return [f"{path} tells of no foot; the study has that of its own file"]
+    standard = foot_in_file({
+        **{field: getattr(FootDesign(), field) for field in _FIELDS}, "rigid_toes": False
+    })  # fmt: skip
+    along = [f"{key} = {_text(value)}" for key, value in taken.items()
+             if value != standard[key] and key not in opened]  # fmt: skip
+    lost = [f"{key} = {_text(value)}, not {_text(given[key])}" for key, value in foot.items()
+            if key in given and given[key] != value]  # fmt: skip
+    told = []
+    if along:
+        told.append(f"the foot of {path} comes along: {', '.join(along)}")
+    if lost:
+        told.append(f"the foot of {path} had {', '.join(lost)} of [foot]")
+    return ["; ".join(told)] if told else []
+
+
+def _text(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else as_toml(value)
