@@ -6,7 +6,7 @@ import shutil
 
 import numpy as np
 import pytest
-from conftest import MINIMAL, run, walk_at
+from conftest import MINIMAL
 
 from drake_gait.cli.optimize import parse
 from drake_gait.errors import SettingsError, StudyError
@@ -286,36 +286,3 @@ def test_in_a_sweep_the_earlier_study_is_beside_the_sweep_s_file(earlier, tmp_pa
     for one, before in zip(again.studies, sweep.studies, strict=True):
         assert one.settings.description() == before.settings.description()
         assert not is_finished(one.settings, one.folder(out))
-
-
-SEEDS = [0, 2**31, 2**32 - 1, 2**32, 2**63, 2**64 - 1, 2**64, 2**200, 10**3000]
-
-
-@pytest.mark.parametrize("seed", SEEDS, ids=lambda seed: f"{seed.bit_length()} bits")
-def test_a_seed_of_any_size_is_kept_and_comes_back(read, tmp_path, seed):
-    settings = read(MINIMAL, {("study", "seed"): seed})
-    open_study(settings, tmp_path / "run").close()
-    with Study.open(tmp_path / "run") as study:
-        assert study.description()["settings"]["study.seed"] == seed
-    path = tmp_path / "again.toml"
-    path.write_text(study_toml(settings))
-    assert read_study(path).seed == seed
-
-
-@pytest.mark.parametrize("seed", [2**63, 2**64, 2**200, 10**3000], ids=lambda seed: "huge")
-@pytest.mark.parametrize("mode", ["default", "paper", "isade", "cmaes"])
-def test_a_search_takes_a_seed_of_any_size(study, path, quick, seed, mode):
-    search = dataclasses.replace(study.search, mode=mode, samples=40, simulations=45)
-    walks = run(dataclasses.replace(study, seed=seed, search=search), path)
-    assert len(walks) == 45
-    assert walks[0].walk == walk_at(study.space.encode(walks[0].candidate)) or walks[0].walk
-
-
-@pytest.mark.parametrize(
-    "seed", ["-1", "-" + "9" * 500, "9" * 4500, "0x" + "f" * 5000, "1.5", "1e3", "'7'", "true"]
-)
-def test_a_seed_that_is_none_is_one_line(read, seed):
-    with pytest.raises(SettingsError) as caught:
-        read(MINIMAL.replace("[box]", f"seed = {seed}\n[box]"))
-    assert "\n" not in str(caught.value)
-    assert "study.toml" in str(caught.value)
