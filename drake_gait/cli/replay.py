@@ -103,6 +103,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _replay(folder: Path, number: int | None, out: Path) -> None:
     settings, chosen, as_then = choose(folder, number)
     walk = simulate(chosen.candidate, as_then, history=True)
+    if walk.history is None:
+        raise StudyError(
+            f"walk {chosen.id} of {folder} cannot be recorded, {in_words(walk)}; give another "
+            "--walk"
+        )
     caption = f"{settings.name}, walk {chosen.id}: {in_words(walk)}"
     record(walk, chosen.candidate, out, model=settings.walk.model, caption=caption)
     print(f"{out}: {caption}")
@@ -120,6 +125,11 @@ def _show_side_by_side(options: Options, out: Path) -> None:
             candidates[", rigid toes"] = dataclasses.replace(chosen.candidate, foot=stiff)
         for words, candidate in candidates.items():
             walk = simulate(candidate, as_then, history=True)
+            if walk.history is None:
+                raise StudyError(
+                    f"walk {chosen.id} of {folder}{words} cannot be recorded, {in_words(walk)}; "
+                    "give another --walk, or leave that study out"
+                )
             if not words:
                 _warn_of_difference(folder, walk, chosen)
             label = f"{folder.resolve().name}, walk {chosen.id}{words}: {_ending(walk)}"

@@ -244,9 +244,12 @@ def _write_results(sweep: Sweep, out: Path) -> None:
     if costs:
         forward, cost = zip(*costs, strict=True)
         study_figures.pareto(forward, cost, [True] * len(costs), out / "pareto.png")
+    else:
+        (out / "pareto.png").unlink(missing_ok=True)  # Of an earlier run.
     print(f"\n{table(summaries(rows, sweep.variants))}\n")
     print("median over the seeds (lowest to highest); p against the first variant")
-    print(f"{out}: sweep.csv, sweep.json, sweep.png, pareto.png, and a folder for each study")
+    drawn = [name for name in ("sweep.png", "pareto.png") if (out / name).is_file()]
+    print(f"{out}: {', '.join(['sweep.csv', 'sweep.json', *drawn])}, and a folder for each study")
 
 
 if __name__ == "__main__":

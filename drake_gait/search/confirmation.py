@@ -11,11 +11,13 @@ from dataclasses import replace
 
 from drake_gait.problem.problem import Trial
 from drake_gait.search.runner import Planned, Runner, on_other_ground, perturbed
-from drake_gait.study.finalists import REFERENCE
+from drake_gait.study.finalists import REFERENCE, Finalist, finalists, winner
 from drake_gait.study.ranking import Sample
 from drake_gait.study.records import CONFIRMATION, CONFIRMATIONS, StudyWalk
 from drake_gait.study.settings import StudySettings
 from drake_gait.walk import Fidelity, WalkSettings
+
+__all__ = ["Finalist", "confirm", "finalists", "walked_as", "winner"]
 
 _IN_TURN = 4
 """Candidates that are walked again side by side: workers are to have enough to do."""

@@ -1,4 +1,4 @@
-"""What stands in a TOML file, checked: names, numbers, texts and tables of coefficients."""
+"""Values of a TOML file, checked as they are read: names, numbers, texts, tables; and written."""
 
 import difflib
 import math
@@ -44,7 +44,7 @@ def _refuse_long_numbers(value: Any) -> None:
 
 
 def known(what: str, given: Mapping[str, Any], names: Collection[str]) -> None:
-    """Refuse a name that is none of `names`, with the nearest one.
+    """Refuse a name that is not one of `names`, with the nearest one.
 
     Raises:
         SettingsError: there is such a name.

@@ -90,7 +90,7 @@ def resolve_centre(
 
 
 def _is_alike(kept: _Middle, found: tuple[Any, Mapping[str, Any] | None]) -> bool:
-    """Whether an earlier study still has the gait and the foot that were taken from it."""
+    """Return whether an earlier study still has the gait and the foot that were taken from it."""
     centre, foot = found
     try:
         differ = np.radians(np.array(centre, dtype=float)) - np.radians(kept[0])

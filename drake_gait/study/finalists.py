@@ -1,4 +1,4 @@
-"""What the walks that confirm a search's best candidates say of them: finalists, and a winner."""
+"""Finalists of a search and its winner, as the walks that confirm them have it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -79,7 +79,7 @@ def best_unslipping(settings: "StudySettings", walks: Sequence[StudyWalk]) -> St
 
 
 def shuffles(slip: Sequence[float], forward: float) -> bool:
-    """Whether a walk of this length advances by sliding, from the slip of each sole [m]."""
+    """Return whether a walk of this length advances by sliding, from the slip of each sole [m]."""
     return max(slip) > _SLIPPING * forward
 
 

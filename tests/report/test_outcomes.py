@@ -7,6 +7,7 @@ import re
 import numpy as np
 import pytest
 
+from drake_gait.cli import sweep as sweep_command
 from drake_gait.cli.optimize import _write_results
 from drake_gait.cli.report import main as report
 from drake_gait.files.strict_json import plain, to_json
@@ -17,6 +18,7 @@ from drake_gait.report.page import Run, read_result, write_comparison_page
 from drake_gait.report.result import in_words, manner_in_words, robust_table, summary, verdict
 from drake_gait.study.records import CONFIRMATION, CONFIRMATIONS
 from drake_gait.study.store import Study
+from drake_gait.sweep.settings import PlannedStudy, Sweep
 from drake_gait.walk import Measures, Outcome, Walk
 
 LOST = Walk.diverged("took longer than 1 s", steps=3)
@@ -176,3 +178,39 @@ def test_a_search_walk_is_what_the_search_asked_for(study, entries):
     assert kinds == [(True, True), (True, False), (False, False)]
     assert verdict(study, [walks[0], again]).startswith("The best of 1 walk is walk 0")
     assert "none" in robust_table(study, walks)
+
+
+def test_a_sweep_of_studies_of_every_outcome_has_a_row_for_each_and_strict_json(
+    study, entries, tmp_path, capsys
+):
+    nan = dataclasses.asdict(
+        Measures(energy=1.0, positive_energy=float("nan"), cost_of_transport=float("inf"),
+                 peak_torque=1.0, peak_speed=1.0, saturated_fraction=0.0,
+                 slip=(float("nan"), 0.1), clearance=(0.0, 0.0), duty_factor=(float("nan"), 0.5),
+                 peak_ground_reaction=1.0, toe_range=(0.0, 0.0, 0.0, 0.0), yaw_swing=0.1,
+                 torso_tilt=0.1)
+    )  # fmt: skip
+    studies = tuple(
+        PlannedStudy(variant=name.replace(" ", "-"), seed=0, settings=study, overrides={})
+        for name in OUTCOMES
+    )
+    sweep = Sweep(name="all", question="", base=tmp_path / "base.toml", studies=studies)
+    for one, (walks, _) in zip(studies, OUTCOMES.values(), strict=True):
+        folder = one.folder(tmp_path)
+        folder.mkdir(parents=True)
+        found = {**summary(study, entries(walks), None, wall_s=0.0), "measures": nan}
+        # As older versions wrote it.
+        (folder / "result.json").write_text(json.dumps(found))
+    (tmp_path / "pareto.png").write_text("of an earlier run")
+    sweep_command._write_results(sweep, tmp_path)
+    written = json.loads((tmp_path / "sweep.json").read_text(), parse_constant=refuse)
+    by_variant = {row["variant"]: row for row in written["studies"]}
+    assert len(by_variant) == len(OUTCOMES)
+    assert by_variant["one-feasible"]["furthest_mm"] == pytest.approx(500.0)
+    assert by_variant["all-lost"]["forward_mm"] is None
+    assert by_variant["one-feasible"]["measures.duty_factor.0"] is None
+    said = capsys.readouterr().out
+    assert "nan" not in said
+    assert said.endswith(
+        f"{tmp_path}: sweep.csv, sweep.json, sweep.png, and a folder for each study\n"
+    )
