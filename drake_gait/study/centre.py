@@ -111,15 +111,14 @@ def _kept(begun: Path | None, written: str, path: Path) -> _Middle | None:
     try:
         with Study.open(file) as study:
             description = study.description()
-    except StudyError:
+        origin = (description.get("source") or {}).get("centre_from") or {}
+        if written != origin.get("written") and str(path) != origin.get("path"):
+            return None
+        settings = description["settings"]
+        centre = [[float(as_toml(one, DEGREES)) for one in row] for row in settings["box.centre"]]
+        foot = foot_in_file({name: settings[f"foot.{name}"] for name in (*_FIELDS, "rigid_toes")})
+    except (StudyError, KeyError, TypeError, AttributeError):
         return None  # Who opens it to go on says what is wrong.
-    origin = (description.get("source") or {}).get("centre_from") or {}
-    if written != origin.get("written") and str(path) != origin.get("path"):
-        return None
-    settings = description["settings"]
-    centre = [[float(as_toml(one, DEGREES)) for one in row] for row in settings["box.centre"]]
-    own = {name: settings[f"foot.{name}"] for name in (*_FIELDS, "rigid_toes")}
-    foot = foot_in_file(own)
     return centre, {key: foot[key] for key in origin.get("foot", ()) if key in foot}
 
 
