@@ -35,6 +35,7 @@ import numpy as np
 from soak import children
 
 from drake_gait.execution.local import LocalProcesses
+from drake_gait.execution.machine import cores
 from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray, Gait
 from drake_gait.problem.problem import Candidate, assess
 from drake_gait.search.proposer import design_of_experiments
@@ -307,7 +308,7 @@ def main() -> None:
         "--runs", type=Path, nargs="+", metavar="RUN", help="feasible walks of studies, not the box"
     )
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--workers", type=int, default=len(os.sched_getaffinity(0)))
+    parser.add_argument("--workers", type=int, default=cores())
     options = parser.parse_args()
     if options.runs:
         settings, candidates = walks_of_studies(options.runs, options.walks, options.seed)

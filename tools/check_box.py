@@ -6,13 +6,13 @@ feasible; the figures say also how its walks are walked.
 
 import argparse
 import functools
-import os
 from pathlib import Path
 
 import numpy as np
 from bench_walk import walks_of_box
 
 from drake_gait.execution.local import LocalProcesses
+from drake_gait.execution.machine import cores
 from drake_gait.problem.problem import assess
 from drake_gait.simulation.simulate import simulate
 from drake_gait.study.settings import default_study
@@ -24,7 +24,7 @@ def main() -> None:
     parser.add_argument("study", nargs="?", type=Path, default=default_study())
     parser.add_argument("--walks", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--workers", type=int, default=len(os.sched_getaffinity(0)))
+    parser.add_argument("--workers", type=int, default=cores())
     options = parser.parse_args()
     settings, candidates = walks_of_box(options.study, options.walks, options.seed)
     walk = functools.partial(simulate, settings=settings.walk, history=True)

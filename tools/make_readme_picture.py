@@ -19,7 +19,6 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
@@ -31,7 +30,7 @@ from drake_gait.problem.problem import Candidate
 from drake_gait.report.page import FIGURES
 from drake_gait.simulation.simulate import simulate
 from drake_gait.visualization.recording import record
-from drake_gait.visualization.style import GAIT_PHASES, STYLE
+from drake_gait.visualization.style import GAIT_PHASES, style
 from drake_gait.walk import History, WalkSettings
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
@@ -163,7 +162,7 @@ def save_strip(page: str, history: History, path: Path) -> None:
     pictures = shots(
         page, times, camera_targets(history, times, glides=False), STRIP_VIEW, STRIP_SIZE
     )
-    with rc_context(STYLE):
+    with style():
         figure = Figure(figsize=(7.2, 2.75))
         FigureCanvasAgg(figure)
         panels = figure.subplots(1, len(pictures))

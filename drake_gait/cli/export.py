@@ -5,20 +5,30 @@ adds the walks that it lacks, in a database such as sqlite:///optuna.db. Running
 exported as well.
 """
 
+from drake_gait.cli._signals import begin, leave
+
+if __name__ == "__main__":
+    begin()  # Before the slow imports.
+
 import argparse
 import csv
-import sys
+import io
 from collections.abc import Sequence
 from pathlib import Path
-from typing import IO
 
-from drake_gait.cli._signals import forget_pipe
-from drake_gait.errors import GaitError, StudyError
+from drake_gait.cli._command import conduct
+from drake_gait.errors import StudyError
+from drake_gait.files.destination import STANDARD_OUTPUT, check, messages, write
+from drake_gait.files.shipped import find
 from drake_gait.study.store import Study
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit status."""
+    return conduct(lambda: _export(_parse(arguments)))
+
+
+def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     summary, _, rest = (__doc__ or "").partition("\n\n")
     parser = argparse.ArgumentParser(
         prog="python -m drake_gait export", description=summary.split(":")[0], epilog=rest
@@ -28,44 +38,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
     where.add_argument("--csv", type=Path, metavar="FILE", help="the file to write; - for stdout")
     where.add_argument("--optuna", metavar="URL", help="the database of the Optuna study")
     parser.add_argument("--name", help="name of the Optuna study (that of the folder)")
-    options = parser.parse_args(arguments)
-    try:
-        with Study.open(options.run) as study:
-            if options.csv is not None:
-                _to_csv(study, options.csv)
-            else:
-                _to_optuna(study, options.optuna, options.name)
-    except GaitError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    except BrokenPipeError:
-        forget_pipe()
-    return 0
+    return parser.parse_args(arguments)
+
+
+def _export(options: argparse.Namespace) -> None:
+    with Study.open(find(options.run)) as study:
+        if options.csv is not None:
+            _to_csv(study, options.csv)
+        else:
+            _to_optuna(study, options.optuna, options.name)
 
 
 def _to_csv(study: Study, path: Path) -> None:
-    if str(path) == "-":
-        _write_csv(study, sys.stdout)
-        sys.stdout.flush()
-        return
-    beginning = path.with_name(f"{path.name}.new")
-    try:
-        with beginning.open("w", newline="", encoding="utf-8") as file:
-            count = _write_csv(study, file)
-        beginning.replace(path)  # Nobody reads half a file.
-    except OSError as error:
-        beginning.unlink(missing_ok=True)
-        raise StudyError(f"cannot write {path}: {error.strerror}") from None
-    print(f"{path}: {count} walks")
-
-
-def _write_csv(study: Study, file: IO[str]) -> int:
-    """All walks; numbers as Python writes them, which is every digit. Returns their number."""
+    """All walks; numbers as Python writes them, which is every digit."""
+    check(path)
     names, rows = study.rows()
-    writer = csv.writer(file, lineterminator="\n")
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
     writer.writerow(names)
     writer.writerows(rows)
-    return len(rows)
+    write(path, text.getvalue())
+    if path != STANDARD_OUTPUT:
+        print(f"{path}: {len(rows)} walks", file=messages(path))
 
 
 def _to_optuna(study: Study, url: str, name: str | None) -> None:
@@ -81,4 +75,4 @@ def _to_optuna(study: Study, url: str, name: str | None) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

@@ -6,23 +6,23 @@ leaves study.db (every walk), report.html (what came out), result.json, walk.htm
 and figures.
 """
 
+from drake_gait.cli._signals import begin, leave
+
+if __name__ == "__main__":
+    begin()  # Before the slow imports.
+
 import argparse
 import functools
-import os
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from drake_gait.cli._signals import ctrl_c_ends_at_once, exit_status, leave, sigterm_interrupts
-
-if __name__ == "__main__":
-    ctrl_c_ends_at_once()  # Before the slow imports.
-
+from drake_gait.cli._command import conduct
 from drake_gait.cli.progress import display
-from drake_gait.errors import GaitError
+from drake_gait.execution.machine import default_workers
+from drake_gait.files.shipped import find
 from drake_gait.optimization import open_study, run_study
-from drake_gait.report.build import write_outputs
+from drake_gait.report.build import check_outputs, write_outputs
 from drake_gait.report.result import (
     baselines_line,
     manner_in_words,
@@ -30,6 +30,7 @@ from drake_gait.report.result import (
     robust_table,
     table,
 )
+from drake_gait.search.loop import useful_workers
 from drake_gait.study.settings import StudySettings, default_study, read_override, read_study
 from drake_gait.study.store import Study
 from drake_gait.surrogates.ensemble import FEWEST_SURVIVORS
@@ -43,8 +44,8 @@ class Options:
     """The study's TOML file."""
     overrides: tuple[str, ...]
     """Settings that take the place of the file's, each section.key=value; the last one counts."""
-    workers: int
-    """Processes that simulate."""
+    workers: int | None
+    """Processes that simulate; as many as there is room and work for if None."""
     dask: str | None
     """A Dask cluster that simulates instead of processes: its address or file, or "local"."""
     out: Path | None
@@ -53,10 +54,10 @@ class Options:
     def settings(self) -> StudySettings:
         """The study's settings, with what the command line overrides."""
         overrides = dict(read_override(text) for text in self.overrides)
-        return read_study(self.study, overrides, begun=self.folder)
+        return read_study(find(self.study), overrides, begun=self.folder)
 
     def folder(self, name: str) -> Path:
-        """The folder of a study of this name."""
+        """Return the folder of a study of this name."""
         return self.out or Path("runs") / name
 
 
@@ -78,20 +79,27 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
     )
     set_by = functools.partial(parser.add_argument, action="append", dest="overrides", default=[])
     set_by("--set", metavar="SECTION.KEY=VALUE", help="override a setting of the file; repeatable")
-    set_by("--samples", type=_sets("search.samples"), help="walks of the design of experiments")
-    set_by("--simulations", type=_sets("search.simulations"), help="walks in all, samples included")
-    set_by("--seed", type=_sets("study.seed"), help="seed of every random number")
-    parser.add_argument("--workers", type=int, help="processes that simulate (one per core)")
+    for option, name, what in (
+        ("--samples", "search.samples", "walks of the design of experiments"),
+        ("--simulations", "search.simulations", "walks in all, samples included"),
+        ("--seed", "study.seed", "seed of every random number"),
+    ):
+        set_by(option, metavar="N", type=_sets(name), help=what)
+    parser.add_argument(
+        "--workers",
+        type=int,
+        metavar="N",
+        help="processes that simulate (one per core, as far as memory and work go)",
+    )
     parser.add_argument(
         "--dask",
         metavar="ADDRESS",
         help="simulate on a Dask cluster: tcp://HOST:8786, its scheduler file, or local",
     )
-    parser.add_argument("--out", type=Path, help="the study's folder (runs/<study>)")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="the study's folder (runs/<study>)")
     found = parser.parse_args(arguments)
     if found.workers is not None and found.workers < 1:
         parser.error(f"argument --workers: must be >= 1, got {found.workers}")
-    found.workers = found.workers or len(os.sched_getaffinity(0))
     found.study, found.overrides = found.study or default_study(), tuple(found.overrides)
     return Options(**vars(found))
 
@@ -103,24 +111,25 @@ def _sets(name: str) -> Callable[[str], str]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit status."""
-    options = parse(arguments)
-    try:
-        with sigterm_interrupts():
-            settings = options.settings()
-            folder = options.folder(settings.name)
-            return _run(settings, folder, options.workers, options.dask)
-    except GaitError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt as interruption:
-        print("\nstopped; what was simulated is safe, and the same command goes on", flush=True)
-        return exit_status(interruption)
+    return conduct(
+        lambda: _search(parse(arguments)),
+        stopped="stopped; what was simulated is safe, and the same command goes on",
+        searches=True,
+    )
 
 
-def _run(settings: StudySettings, folder: Path, workers: int, dask: str | None) -> int:
+def _search(options: Options) -> None:
+    settings = options.settings()
+    folder = options.folder(settings.name)
+    workers = options.workers or default_workers(useful_workers(settings))
+    _run(settings, folder, workers, options.dask)
+
+
+def _run(settings: StudySettings, folder: Path, workers: int, dask: str | None) -> None:
     for note in settings.notes:
         print(note)
     with open_study(settings, folder) as study:
+        check_outputs(folder)
         if "finished" in study.description():
             print(
                 f"{folder} is finished; more --simulations go on with it, another seed or --out "
@@ -131,7 +140,6 @@ def _run(settings: StudySettings, folder: Path, workers: int, dask: str | None) 
             with display(settings, walks) as show:
                 run_study(settings, study, workers, show, dask=dask)
         _write_results(settings, study, folder)
-    return 0
 
 
 def _write_results(settings: StudySettings, study: Study, folder: Path) -> None:

@@ -6,6 +6,11 @@ the best walks of several studies side by side into one page, for example of sev
 --rigid-toes puts every walk beside itself on a foot whose toes cannot bend.
 """
 
+from drake_gait.cli._signals import begin, leave
+
+if __name__ == "__main__":
+    begin()  # Before the slow imports.
+
 import argparse
 import dataclasses
 import sys
@@ -15,7 +20,10 @@ from pathlib import Path
 
 from pydrake.geometry import Meshcat
 
-from drake_gait.errors import GaitError, StudyError
+from drake_gait.cli._command import conduct
+from drake_gait.errors import StudyError
+from drake_gait.files.destination import check, messages
+from drake_gait.files.shipped import find
 from drake_gait.provenance import file_sha256
 from drake_gait.report.result import in_words
 from drake_gait.search.confirmation import walked_as
@@ -63,7 +71,7 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
     )
     parser.add_argument("folder", type=Path, metavar="RUN", help="a study's folder")
     parser.add_argument("--walk", type=int, metavar="ID", help="its number (the best walk)")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="the page to write")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="the page to write; - for stdout")
     parser.add_argument(
         "--gallery", type=Path, nargs="*", metavar="RUN", help="walks of these studies beside it"
     )
@@ -71,7 +79,9 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
         "--rigid-toes", action="store_true", help="every walk also on toes that cannot bend"
     )
     parser.add_argument("--live", action="store_true", help="show it while it is simulated")
-    parser.add_argument("--port", type=int, help="port of the live page (the first free one)")
+    parser.add_argument(
+        "--port", type=int, metavar="N", help="port of the live page (the first free one)"
+    )
     found = Options(**vars(parser.parse_args(arguments)))
     if found.live == (found.out is not None):
         parser.error("give --out FILE to write a page, or --live to watch")
@@ -84,20 +94,18 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit status."""
-    options = parse(arguments)
-    try:
-        if options.out is None:
-            _watch(options.folder, options.walk, options.port)
-        elif options.gallery is None and not options.rigid_toes:
-            _replay(options.folder, options.walk, options.out)
-        else:
-            _show_side_by_side(options, options.out)
-    except GaitError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print()
-    return 0
+    return conduct(lambda: _show(parse(arguments)))
+
+
+def _show(options: Options) -> None:
+    if options.out is None:
+        _watch(options.folder, options.walk, options.port)
+        return
+    check(options.out, what="the recording ")  # Before anything walks.
+    if options.gallery is None and not options.rigid_toes:
+        _replay(options.folder, options.walk, options.out)
+    else:
+        _show_side_by_side(options, options.out)
 
 
 def _replay(folder: Path, number: int | None, out: Path) -> None:
@@ -110,7 +118,7 @@ def _replay(folder: Path, number: int | None, out: Path) -> None:
         )
     caption = f"{settings.name}, walk {chosen.id}: {in_words(walk)}"
     record(walk, chosen.candidate, out, model=settings.walk.model, caption=caption)
-    print(f"{out}: {caption}")
+    print(f"{out}: {caption}", file=messages(out))
     _warn_of_difference(folder, walk, chosen)
 
 
@@ -136,9 +144,9 @@ def _show_side_by_side(options: Options, out: Path) -> None:
             exhibits.append(
                 Exhibit(walk=walk, candidate=candidate, label=label, model=settings.walk.model)
             )
-            print(label)
+            print(label, file=messages(out))
     record_gallery(exhibits, out, caption=f"{len(exhibits)} walks at the same time")
-    print(out)
+    print(out, file=messages(out))
 
 
 def _watch(folder: Path, number: int | None, port: int | None) -> None:
@@ -163,7 +171,7 @@ def choose(folder: Path, number: int | None) -> tuple[StudySettings, StudyWalk, 
     Raises:
         StudyError: there is no such study or walk, or another robot walked it.
     """
-    with Study.open(folder / "study.db") as study:
+    with Study.open(find(folder) / "study.db") as study:
         settings = study.settings()
         study.require({"model_sha256": file_sha256(model_path(settings.walk.model))})
         walks = study.walks()
@@ -203,4 +211,4 @@ def _find(walks: list[StudyWalk], number: int) -> StudyWalk:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

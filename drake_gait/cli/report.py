@@ -4,12 +4,18 @@ One run: its figures, recording, result.json and report.html are made anew from 
 that is still running is shown as far as it is. Several runs: one page with them side by side.
 """
 
+from drake_gait.cli._signals import begin, leave
+
+if __name__ == "__main__":
+    begin()  # Before the slow imports.
+
 import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from drake_gait.errors import GaitError
+from drake_gait.cli._command import conduct
+from drake_gait.files.destination import check, messages
+from drake_gait.files.shipped import find
 from drake_gait.report.build import write_outputs
 from drake_gait.report.page import Run, read_result, write_comparison_page
 from drake_gait.study.store import Study
@@ -17,24 +23,33 @@ from drake_gait.study.store import Study
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit status."""
+    return conduct(lambda: _report(*_parse(arguments)))
+
+
+def _parse(arguments: Sequence[str] | None) -> tuple[list[Path], Path | None]:
+    """Folders of studies, and where a comparison goes."""
     summary, _, rest = (__doc__ or "").partition("\n\n")
     parser = argparse.ArgumentParser(
         prog="python -m drake_gait report", description=summary.partition(":")[0], epilog=rest
     )
     parser.add_argument("folders", nargs="+", type=Path, metavar="RUN", help="a study's folder")
-    parser.add_argument("--out", type=Path, help="where a comparison goes (comparison.html)")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help="where a comparison goes (comparison.html); - for stdout",
+    )
     options = parser.parse_args(arguments)
-    try:
-        if len(options.folders) == 1:
-            if options.out is not None:
-                parser.error("argument --out: a single run's page is RUN/report.html")
-            _remake(options.folders[0])
-        else:
-            _compare(options.folders, options.out or Path("comparison.html"))
-    except GaitError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    return 0
+    if len(options.folders) == 1 and options.out is not None:
+        parser.error("argument --out: a single run's page is RUN/report.html")
+    return options.folders, options.out
+
+
+def _report(folders: Sequence[Path], out: Path | None) -> None:
+    if len(folders) == 1:
+        _remake(folders[0])
+    else:
+        _compare(folders, out or Path("comparison.html"))
 
 
 def _remake(folder: Path) -> None:
@@ -45,8 +60,9 @@ def _remake(folder: Path) -> None:
 
 
 def _compare(folders: Sequence[Path], out: Path) -> None:
-    write_comparison_page([_run(folder) for folder in folders], out)
-    print(out)
+    check(out, what="the report ")
+    write_comparison_page([_run(find(folder)) for folder in folders], out)
+    print(out, file=messages(out))
 
 
 def _run(folder: Path) -> Run:
@@ -61,4 +77,4 @@ def _run(folder: Path) -> Run:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

@@ -5,16 +5,21 @@ side, with the settings that differ. Running studies can be looked at as well. -
 same for other programs, in SI units.
 """
 
+from drake_gait.cli._signals import begin, leave
+
+if __name__ == "__main__":
+    begin()  # Before the slow imports.
+
 import argparse
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from drake_gait.cli._signals import forget_pipe
+from drake_gait.cli._command import conduct
 from drake_gait.errors import GaitError, StudyError
+from drake_gait.files.shipped import find
 from drake_gait.files.strict_json import to_json
 from drake_gait.report.status import Standing, standing, studies_in
 
@@ -23,19 +28,14 @@ _WIDEST = 48  # Of a value in a table [characters]; --json has all of it.
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit status."""
-    options = _parse(arguments)
+    return conduct(lambda: _tell(_parse(arguments)))
+
+
+def _tell(options: argparse.Namespace) -> None:
     commands: dict[str, Callable[[Any], tuple[str, Any]]]
     commands = {"list": _list, "show": _show, "compare": _compare}
-    try:
-        text, plain = commands[options.command](options.paths)
-    except GaitError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    try:
-        print(to_json(plain) if options.json else text, flush=True)
-    except BrokenPipeError:
-        forget_pipe()
-    return 0
+    text, plain = commands[options.command](options.paths)
+    print(to_json(plain) if options.json else text)
 
 
 def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -95,7 +95,7 @@ def _list(folder: Path) -> tuple[str, Any]:
 
 def _show(path: Path) -> tuple[str, Any]:
     """Where one study stands."""
-    one = standing(path)
+    one = standing(find(path))
     question = one.settings.get("study.question")
     lines = [f"{one.folder}: study {one.name}, seed {one.seed}, {one.state}"]
     lines += [question, ""] if question else [""]
@@ -113,7 +113,7 @@ def _compare(paths: Sequence[Path]) -> tuple[str, Any]:
     """Several studies side by side, with what differs in how they were made."""
     if len(paths) < 2:
         raise StudyError(f"compare needs two studies; `show {paths[0]}` tells of one")
-    found = [standing(path) for path in paths]
+    found = [standing(find(path)) for path in paths]
     rows = [["", *(str(one.folder) for one in found)]]
     rows += [["state", *(one.state for one in found)], *_numbers(found)]
     causes = dict.fromkeys(cause for one in found for cause in one.failures)
@@ -207,4 +207,4 @@ def _aligned(rows: Sequence[Sequence[str]]) -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

@@ -6,29 +6,31 @@ holds sweep.csv and sweep.json, a row for each study, and a figure; a grid's hol
 for each walk, anova.json and a figure.
 """
 
+from drake_gait.cli._signals import begin, leave
+
+if __name__ == "__main__":
+    begin()  # Before the slow imports.
+
 import argparse
 import os
 import shlex
 import signal
 import subprocess
-import sys
 import time
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from drake_gait.cli._signals import ctrl_c_ends_at_once, exit_status, leave, sigterm_interrupts
-
-if __name__ == "__main__":
-    ctrl_c_ends_at_once()  # Before the slow imports.
-
-from drake_gait.errors import GaitError, StudyError
+from drake_gait.cli._command import conduct
+from drake_gait.errors import StudyError
+from drake_gait.execution.machine import DRIVER_MEMORY, WORKER_MEMORY, default_workers
 from drake_gait.execution.parent import GRACE, Lifeline
+from drake_gait.files.shipped import find
 from drake_gait.optimization import is_finished
 from drake_gait.study._lock import driver_lock, is_driven
 from drake_gait.study._toml import as_toml
-from drake_gait.sweep.grid import run_grid
+from drake_gait.sweep.grid import places, run_grid
 from drake_gait.sweep.results import (
     COST,
     FURTHEST,
@@ -56,8 +58,9 @@ class Options:
 
     sweep: Path
     """The sweep's TOML file."""
-    workers: int
-    """Studies beside each other, or processes that walk a grid."""
+    workers: int | None
+    """Studies beside each other, or processes that walk a grid; as many as there is room and work
+    for if None."""
     out: Path | None
     """The sweep's folder; runs/<sweep> if None."""
 
@@ -72,35 +75,39 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
         allow_abbrev=False,
     )
     parser.add_argument("sweep", type=Path, metavar="SWEEP.toml", help="what is to be run")
-    parser.add_argument("--workers", type=int, help="studies beside each other (one per core)")
-    parser.add_argument("--out", type=Path, help="the sweep's folder (runs/<sweep>)")
+    parser.add_argument(
+        "--workers",
+        type=int,
+        metavar="N",
+        help="studies beside each other (one per core, as far as memory and work go)",
+    )
+    parser.add_argument("--out", type=Path, metavar="DIR", help="the sweep's folder (runs/<sweep>)")
     found = parser.parse_args(arguments)
     if found.workers is not None and found.workers < 1:
         parser.error(f"argument --workers: must be >= 1, got {found.workers}")
-    found.workers = found.workers or len(os.sched_getaffinity(0))
     return Options(**vars(found))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit status."""
-    options = parse(arguments)
-    try:
-        with sigterm_interrupts():
-            sweep = read_sweep(options.sweep, options.out)
-            out = options.out or Path("runs") / sweep.name
-            with driver_lock(out / "sweep"):
-                if sweep.grid is not None:
-                    print(run_grid(sweep.grid, out, options.workers))
-                else:
-                    _run_studies(sweep, out, options.workers)
-                    _write_results(sweep, out)
-    except GaitError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt as interruption:
-        print("\nstopped; what was simulated is safe, and the same command goes on", flush=True)
-        return exit_status(interruption)
-    return 0
+    return conduct(
+        lambda: _sweep(parse(arguments)),
+        stopped="stopped; what was simulated is safe, and the same command goes on",
+        searches=True,
+    )
+
+
+def _sweep(options: Options) -> None:
+    sweep = read_sweep(find(options.sweep), options.out)
+    out = options.out or Path("runs") / sweep.name
+    with driver_lock(out / "sweep"):
+        if sweep.grid is not None:
+            room = default_workers(len(places(sweep.grid)))
+            print(run_grid(sweep.grid, out, options.workers or room))
+            return
+        room = default_workers(len(sweep.studies), memory=DRIVER_MEMORY + WORKER_MEMORY)
+        _run_studies(sweep, out, options.workers or room)
+        _write_results(sweep, out)
 
 
 def _run_studies(sweep: Sweep, out: Path, workers: int) -> None:

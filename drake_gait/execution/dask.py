@@ -216,7 +216,7 @@ def _connected(address: str, count: int) -> "tuple[Client, LocalCluster | None]"
 def _address_in(scheduler_file: str) -> str:
     """The address in a file that `dask scheduler --scheduler-file` has written."""
     try:
-        address: str = json.loads(Path(scheduler_file).read_text())["address"]
+        address: str = json.loads(Path(scheduler_file).read_bytes())["address"]
     except FileNotFoundError:
         raise SettingsError(
             f"no scheduler file {scheduler_file}; `dask scheduler --scheduler-file "

@@ -291,7 +291,10 @@ def _answer(function: Callable[[Any], Any], argument: Any) -> _Answer:
 
 def _end_with_driver(descriptor: int) -> None:
     """End this process when its driver is gone, even in the midst of a walk."""
+    parent = os.getppid()
     poll = select.poll()
     poll.register(descriptor, 0)  # Reports the other end's closing, and nothing else.
-    poll.poll()
+    # Not every system reports it to who asks for nothing else; all give orphans another parent.
+    while not poll.poll(1e3 * _LOOKING) and os.getppid() == parent:
+        pass
     os._exit(1)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from drake_gait.errors import StudyError
+from drake_gait.files.destination import check, make_folder, write
 from drake_gait.files.strict_json import plain, to_json
 from drake_gait.gait import FloatArray
 from drake_gait.report.page import FIGURES, PORTRAIT, Run, write_study_page
@@ -81,12 +81,9 @@ def write_outputs(
         "measures": asdict(measures) if measures else None,
         "jumps_deg": _jumps(best) if best else None,
     })  # fmt: skip
-    try:
-        (folder / "result.json").write_text(to_json(result) + "\n", encoding="utf-8")
-        (folder / FIGURES).mkdir(exist_ok=True)
-        _forget_unmade(folder, searched, replayed, network)
-    except OSError as error:
-        raise StudyError(f"cannot write {error.filename}: {error.strerror}") from None
+    write(folder / "result.json", to_json(result) + "\n")
+    make_folder(folder / FIGURES)
+    _forget_unmade(folder, searched, replayed, network)
     if best is not None and replayed is not None:
         _draw_walk(settings, best, replayed, folder)
         label = "winner" if robust else "best walk"
@@ -130,6 +127,18 @@ def _files(folder: Path, toml: str) -> tuple[str, ...]:
     names = ("report.html", "result.json", _RECORDING, "study.db", toml)
     found = [name for name in names if (folder / name).is_file()]
     return (*found, *([FIGURES] if any((folder / FIGURES).iterdir()) else []))
+
+
+def check_outputs(folder: Path) -> None:
+    """Refuse a study's folder that could not take its report, before anything walks for it.
+
+    Raises:
+        GaitError: names what is in the way.
+    """
+    for name in ("result.json", "walk.html", "report.html"):
+        check(folder / name)
+    if (folder / FIGURES).exists():
+        check(folder / FIGURES / PORTRAIT)
 
 
 def _learnt(

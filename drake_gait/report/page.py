@@ -18,7 +18,8 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from drake_gait.errors import GaitError, StudyError
+from drake_gait.errors import StudyError
+from drake_gait.files.destination import write
 from drake_gait.files.strict_json import from_json
 from drake_gait.gait import FRAMES
 from drake_gait.report import tables as report_tables
@@ -244,7 +245,4 @@ def _packed(path: Path) -> str | None:
 
 
 def _write(page: str, path: Path) -> None:
-    try:
-        path.write_text(page, encoding="utf-8")
-    except OSError as error:
-        raise GaitError(f"cannot write the report {path}: {error.strerror}") from None
+    write(path, page.encode("utf-8", "replace"), what="the report ")

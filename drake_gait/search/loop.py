@@ -21,6 +21,8 @@ from drake_gait.study.store import Study
 from drake_gait.surrogates.arithmetic import single_thread
 from drake_gait.surrogates.ensemble import Network, Prediction, Surrogate
 
+_WORTH_A_START = 4  # Walks that take as long as the start of a process.
+
 
 def search(
     settings: StudySettings,
@@ -49,6 +51,16 @@ def search(
         runner.start(run.planned(iteration, proposal))  # Steps 2 and 5.
     runner.finish()
     confirm(settings, runner, run.samples())
+
+
+def useful_workers(settings: StudySettings) -> int:
+    """Return how many processes can walk for a study at once and are worth their start.
+
+    A process takes as long to start as a few walks take.
+    """
+    own, plan = proposer(settings), settings.search
+    at_once = max(own.samples, own.batch * plan.replicas, settings.confirmation.replicas)
+    return max(1, min(at_once, plan.simulations // _WORTH_A_START))
 
 
 def _in_background(function: Callable[[], Network | None]) -> "Future[Network | None]":

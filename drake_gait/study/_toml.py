@@ -3,6 +3,7 @@
 import difflib
 import math
 import tomllib
+import unicodedata
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, TypeVar
@@ -80,8 +81,51 @@ def texts(section: str, values: Mapping[str, Any], keys: tuple[str, ...]) -> Non
         SettingsError: there is such a value.
     """
     for key in keys:
-        if not isinstance(values.get(key, ""), str):
-            raise SettingsError(f"{section}.{key} must be text, got {values[key]!r}")
+        text(f"{section}.{key}", values.get(key, ""))
+
+
+_LONGEST_NAME = 255
+"""What common file systems allow for a name [bytes]."""
+
+
+def text(name: str, value: Any) -> str:
+    """A text that every file, page and stream can hold; its lines may have ends and tabulators.
+
+    Raises:
+        SettingsError: it is none, or has other control characters or halves of characters.
+    """
+    if not isinstance(value, str):
+        raise SettingsError(f"{name} must be text, got {value!r}")
+    for character in value:
+        kind = unicodedata.category(character)
+        if kind == "Cs" or (kind == "Cc" and character not in "\n\r\t"):
+            raise SettingsError(
+                f"{name} must be text that can be printed, got {value!r} with "
+                f"U+{ord(character):04X}"
+            )
+    return value
+
+
+def folder_name(name: str, value: Any) -> str:
+    """A text that does as the name of a folder.
+
+    Raises:
+        SettingsError: it is empty, too long, has a slash or a line's end, or begins with a dot.
+    """
+    found = text(name, value)
+    size = len(found.encode())
+    if not found or found.startswith(".") or any(one in found for one in "/\n\r\t"):
+        raise SettingsError(f"{name} must do as a folder's name, got {_short(found)}")
+    if size > _LONGEST_NAME:
+        raise SettingsError(
+            f"{name} must do as a folder's name, of {_LONGEST_NAME} bytes at most; "
+            f"{_short(found)} has {size}"
+        )
+    return found
+
+
+def _short(value: str) -> str:
+    return repr(value) if len(value) <= 40 else repr(f"{value[:37]}...")
 
 
 def coefficients(name: str, rows: Any) -> FloatArray:

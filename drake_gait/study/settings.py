@@ -8,13 +8,14 @@ import difflib
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from drake_gait.errors import SettingsError
+from drake_gait.files.shipped import shipped_folder
+from drake_gait.files.text import read_text
 from drake_gait.foot import FootDesign
 from drake_gait.problem.problem import (
     OF_EVERY_WALK,
@@ -30,10 +31,12 @@ from drake_gait.study._toml import (
     MOST_BITS,
     as_toml,
     coefficients,
+    folder_name,
     known,
     made,
     number,
     parse_toml,
+    text,
     texts,
     told_as_written,
 )
@@ -90,8 +93,9 @@ class StudySettings:
     """Sentences for a person about how it was read."""
 
     def __post_init__(self) -> None:
-        if not self.name or "/" in self.name or self.name.startswith("."):
-            raise SettingsError(f"study.name must do as a folder's name, got {self.name!r}")
+        folder_name("study.name", self.name)
+        text("study.question", self.question)
+        text("box.chosen", self.chosen)
         if isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0:
             raise SettingsError(f"study.seed must be a whole number >= 0, got {self.seed!r}")
         if self.seed.bit_length() > MOST_BITS:
@@ -188,9 +192,7 @@ def study_settings(
 
 def default_study() -> Path:
     """The study that nobody names: inside an installed package, or beside it in a checkout."""
-    package = Path(str(files("drake_gait")))
-    inside = package / "studies" / "steady.toml"
-    return inside if inside.is_file() else package.parent / "studies" / "steady.toml"
+    return shipped_folder() / "steady.toml"
 
 
 def read_study(
@@ -211,14 +213,11 @@ def read_study(
         SettingsError: the file cannot be read, or a section, key or value cannot be used.
     """
     try:
-        text = path.read_text(encoding="utf-8")
-        content = parse_toml(text)
-    except OSError as error:
-        raise SettingsError(f"cannot read study {path}: {error.strerror}") from None
+        content = parse_toml(written := read_text(path, "study"))
     except ValueError as error:
         raise SettingsError(f"study {path} is not TOML: {error}") from None
     told = tuple(f"{'.'.join(name)}={as_toml(value)}" for name, value in (overrides or {}).items())
-    source = Source(path=str(path), text=text, overrides=told)
+    source = Source(path=str(path), text=written, overrides=told)
     for (section, key), value in (overrides or {}).items():
         if isinstance(values := content.setdefault(section, {}), dict):  # Others: see _study.
             values[key] = value

@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from drake_gait.errors import StudyError
+from drake_gait.files.destination import write
 from drake_gait.study._toml import as_toml
 from drake_gait.study.keys import KEYS, in_file
 from drake_gait.study.settings import StudySettings
@@ -40,15 +40,12 @@ def write_study_toml(settings: StudySettings, folder: Path) -> Path:
     """Write the file into a study's folder; a file of somebody else is left alone.
 
     Raises:
-        StudyError: it cannot be written.
+        GaitError: it cannot be written.
     """
     path = next(
         (path for path in _paths(folder) if not path.exists() or _is_ours(path)), _paths(folder)[-1]
     )
-    try:
-        path.write_text(study_toml(settings), encoding="utf-8")
-    except OSError as error:
-        raise StudyError(f"cannot write {path}: {error.strerror}") from None
+    write(path, study_toml(settings))
     return path
 
 

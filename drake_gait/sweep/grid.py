@@ -15,6 +15,7 @@ import numpy as np
 
 from drake_gait.errors import SettingsError, StudyError
 from drake_gait.execution.local import LocalProcesses
+from drake_gait.files.destination import make_folder, write
 from drake_gait.files.strict_json import from_json, plain, to_json
 from drake_gait.gait import FloatArray, Gait
 from drake_gait.optimization import STARTING_TIME
@@ -65,7 +66,7 @@ def run_grid(grid: Grid, out: Path, workers: int) -> str:
     """
     path = out / "grid.csv"
     try:
-        out.mkdir(parents=True, exist_ok=True)
+        make_folder(out)
         _claim(grid, out / "grid.json")
         rows = _known(path)
         missing = [place for place in places(grid) if place not in rows]
@@ -107,7 +108,7 @@ def _claim(grid: Grid, path: Path) -> None:
                 f"{walks} holds walks of a grid that is not known, as {path.name} is missing; "
                 "remove it, or give --out for another folder"
             )
-        _replace(path, to_json(wanted) + "\n")
+        write(path, to_json(wanted) + "\n")
         return
     try:
         found = from_json(path.read_bytes())
@@ -133,7 +134,7 @@ def _known(path: Path) -> dict[Place, Mapping[str, Any]]:
             whole.append(line)
     after = "\n".join(whole) + "\n"
     if after != before:
-        _replace(path, after)
+        write(path, after)
     return rows
 
 
@@ -147,13 +148,6 @@ def _from_line(line: str) -> tuple[Place, Mapping[str, Any]] | None:
     except ValueError:
         return None
     return (place, row) if np.isfinite(values[1:]).all() else None  # type: ignore[arg-type]
-
-
-def _replace(path: Path, text: str) -> None:
-    """Write a file so that it is there as a whole, or as it was."""
-    new = path.with_name(f"{path.name}.new")
-    new.write_text(text, encoding="utf-8")
-    new.replace(path)
 
 
 def _row(walk: Walk) -> Mapping[str, Any]:
@@ -191,7 +185,7 @@ def _analyse(grid: Grid, rows: Mapping[Place, Mapping[str, Any]], out: Path) -> 
         "mean_forward_mm": mean,
         "survivors_by_cell": survivors.tolist(),
     }
-    (out / "anova.json").write_text(to_json(content) + "\n", encoding="utf-8")
+    write(out / "anova.json", to_json(content) + "\n")
     sweep_figures.grid(mean, labels, names, out / "grid.png")
     cells = _cells(mean, survivors, labels, names, grid)
     return f"{obstacle or _table(effects)}\n\n{cells}\n{out}: grid.csv, anova.json, grid.png"

@@ -1,6 +1,7 @@
 """What a sweep found: one row for each of its studies, and the variants beside each other."""
 
 import csv
+import io
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -11,6 +12,7 @@ import numpy as np
 from scipy import stats
 
 from drake_gait.errors import StudyError
+from drake_gait.files.destination import write
 from drake_gait.files.strict_json import from_json, to_json
 from drake_gait.sweep.settings import PlannedStudy, Sweep
 
@@ -210,11 +212,9 @@ def write_results(sweep: Sweep, rows: Sequence[Row], out: Path) -> None:
         "variants": [asdict(item) for item in summaries(rows, sweep.variants)],
         "studies": list(rows),
     }
-    try:
-        with (out / "sweep.csv").open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, columns, lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(rows)
-        (out / "sweep.json").write_text(to_json(content) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise StudyError(f"cannot write into {out}: {error.strerror}") from None
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    write(out / "sweep.csv", text.getvalue())
+    write(out / "sweep.json", to_json(content) + "\n")

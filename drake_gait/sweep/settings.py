@@ -25,7 +25,6 @@ A grid has, in place of seeds and variants, gaits that walk on every foot of the
     toe_damping_n_m_s_per_rad = [1e-4, 1e-3]
 """
 
-import os
 import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -33,9 +32,10 @@ from pathlib import Path
 from typing import Any
 
 from drake_gait.errors import SettingsError
+from drake_gait.files.text import read_text
 from drake_gait.foot import FootDesign
 from drake_gait.gait import Gait
-from drake_gait.study._toml import parse_toml
+from drake_gait.study._toml import folder_name, parse_toml, text
 from drake_gait.study.centre import whole_path
 from drake_gait.study.earlier_study import earlier_winner
 from drake_gait.study.settings import StudySettings, read_study, study_settings
@@ -128,9 +128,7 @@ def read_sweep(path: Path, out: Path | None = None) -> Sweep:
         SettingsError: the file, its base or a result cannot be read, or a value cannot be used.
     """
     try:
-        content = parse_toml(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise SettingsError(f"cannot read sweep {path}: {error.strerror}") from None
+        content = parse_toml(read_text(path, "sweep"))
     except ValueError as error:
         raise SettingsError(f"sweep {path} is not TOML: {error}") from None
     try:
@@ -146,8 +144,8 @@ def _sweep(content: Mapping[str, Any], folder: Path, out: Path | None) -> Sweep:
     for key in ("name", "base"):
         if not isinstance(head.get(key), str) or not head[key]:
             raise SettingsError(f'[sweep] needs a {key} = "..."')
-    if not isinstance(head.get("question", ""), str):
-        raise SettingsError(f"sweep.question must be text, got {head['question']!r}")
+    folder_name("sweep.name", head["name"])
+    text("sweep.question", head.get("question", ""))
     base = folder / head["base"]
     common = _overrides("common", content.get("common", {}), folder)
     named = {"name": head["name"], "question": head.get("question", ""), "base": base}
@@ -174,13 +172,7 @@ def _check_names(variants: Mapping[str, Any]) -> None:
     """Refuse names of variants that do not do as names of folders beside each other."""
     taken: dict[str, str] = {name: f"the sweep's {name}" for name in OUTPUTS}
     for name in variants:
-        if not name.isprintable() or not name or "/" in name or name.startswith("."):
-            raise SettingsError(f"a variant's name must do as a folder's name, got {name!r}")
-        if len(os.fsencode(name)) > _LONGEST_NAME:
-            raise SettingsError(
-                f"a variant's name must have {_LONGEST_NAME} bytes at most, to do as a folder's "
-                f"name; got '{name[:20]}...' of {len(os.fsencode(name))}"
-            )
+        folder_name("a variant's name", name)
         # Where a file system does not tell them apart, two variants would share a folder.
         if (other := taken.setdefault(unicodedata.normalize("NFC", name).casefold(), name)) != name:
             raise SettingsError(
@@ -242,6 +234,7 @@ def _axis(values: Mapping[str, Any]) -> Axis:
             "each of [[grid.axes]] needs keys of [foot] with equally many values, two or more, "
             f"got {dict(values)}"
         )
+    text("the name of a grid's axis", name)
     rows = list(zip(*columns.values(), strict=True))
     if repeated := [row for place, row in enumerate(rows) if row in rows[:place]]:
         again = " / ".join(map(str, repeated[0]))

@@ -16,7 +16,8 @@ import numpy as np
 from pydrake.geometry import Meshcat, MeshcatAnimation
 from pydrake.math import RigidTransform
 
-from drake_gait.errors import GaitError, SettingsError
+from drake_gait.errors import SettingsError
+from drake_gait.files.destination import write
 from drake_gait.gait import FRAME_TIME
 from drake_gait.problem.problem import Candidate
 from drake_gait.visualization.meshcat import (
@@ -160,10 +161,7 @@ def _page(meshcat: Meshcat, caption: str, labels: Sequence[dict[str, Any]]) -> s
 
 
 def _write(page: str, path: Path) -> None:
-    try:
-        path.write_text(page, encoding="utf-8")
-    except OSError as error:
-        raise GaitError(f"cannot write the recording {path}: {error.strerror}") from None
+    write(path, page.encode("utf-8", "replace"), what="the recording ")
 
 
 def _with_panel(page: str, caption: str, labels: Sequence[dict[str, Any]]) -> str:

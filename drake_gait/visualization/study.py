@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from numpy.typing import ArrayLike, NDArray
@@ -23,10 +22,10 @@ from drake_gait.visualization.style import (
     INK,
     PAGE,
     SKY,
-    STYLE,
     VERMILION,
     new_figure,
     save_figure,
+    style,
 )
 
 _MANY = 400  # walks, from which on their marks are smaller
@@ -51,7 +50,7 @@ def convergence(forward_mm: ArrayLike, feasible: ArrayLike, path: Path, *, sampl
     number = np.arange(1, forward.size + 1)
     fell = np.isnan(forward)
     best = _best_so_far(forward, holds)
-    with rc_context(STYLE):
+    with style():
         figure = new_figure(COLUMN, 2.7)
         axes = figure.subplots()
         rejected = ~fell & ~holds
@@ -109,7 +108,7 @@ def predicted_against_simulated(
                 f"predicted ({label}) with shape {predicted.shape}; all must be alike"
             )
     size = 2.8 if len(truth) < _MANY else 1.8
-    with rc_context(STYLE):
+    with style():
         figure = new_figure(PAGE * len(names_units) / 3.0, 2.35 * len(groups))
         panels = figure.subplots(
             len(groups), len(names_units), sharex="col", sharey="col", squeeze=False
@@ -134,7 +133,7 @@ def sensitivity(found: Sensitivity, path: Path) -> None:
     order = np.argsort(found.total)
     place = np.arange(len(order))
     further = found.slope[order] >= 0.0
-    with rc_context(STYLE):
+    with style():
         figure = new_figure(COLUMN, 0.9 + 0.17 * len(order))
         axes = figure.subplots()
         for chosen, colour, label in (
@@ -181,7 +180,7 @@ def parallel_coordinates(
     place = np.arange(len(names))
     lines = np.stack([np.broadcast_to(place, points.shape), points], axis=2)
     order = np.flatnonzero(holds)[np.argsort(forward[holds])]
-    with rc_context(STYLE):
+    with style():
         figure = new_figure(PAGE, 3.0)
         axes = figure.subplots()
         axes.axhspan(-1.0, 1.0, color="#eef0f3", zorder=0)
@@ -221,7 +220,7 @@ def pareto(
     forward, cost = (np.asarray(values, dtype=float) for values in (forward_mm, cost_of_transport))
     holds = np.asarray(feasible, dtype=bool)
     front = pareto_front(forward[holds], cost[holds])
-    with rc_context(STYLE):
+    with style():
         figure = new_figure(COLUMN, 2.7)
         axes = figure.subplots()
         if np.isfinite(cost[~holds]).any():

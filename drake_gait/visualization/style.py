@@ -4,15 +4,21 @@ A journal's column wide, a unit on every axis, colours that remain apart for col
 right is blue and left is vermilion everywhere. `walk_figures` and `study_figures` draw.
 """
 
+import io
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.image import imsave
 
-from drake_gait.errors import GaitError, SettingsError
+from drake_gait.errors import SettingsError
+from drake_gait.files.destination import write
 from drake_gait.visualization.rasterizer import Picture
 
 COLUMN = 3.5
@@ -55,7 +61,11 @@ STYLE: Any = {
     "legend.frameon": False,
     "svg.fonttype": "none",  # text stays text
     "svg.hashsalt": "drake_gait",  # the same figure gives the same file
+    "text.parse_math": False,  # a dollar in a name is a dollar
 }
+
+# They decide where windows open, and not what a file looks like.
+_OF_WINDOWS = ("backend", "backend_fallback", "interactive", "toolbar")
 
 GAIT_PHASES = (
     (1.2, "initial contact"),
@@ -67,8 +77,22 @@ GAIT_PHASES = (
 """Instants [s] of the paper's Fig. 12 and what the right leg is doing."""
 
 
+@contextmanager
+def style() -> Iterator[None]:
+    """Inside, figures are drawn in STYLE on matplotlib's own defaults, whatever a user's are."""
+    standard = {
+        name: value for name, value in mpl.rcParamsDefault.items() if name not in _OF_WINDOWS
+    }
+    with warnings.catch_warnings(), mpl.rc_context():
+        warnings.simplefilter("ignore", mpl.MatplotlibDeprecationWarning)  # Of old defaults.
+        warnings.filterwarnings("ignore", r"Glyph \d+")  # A name's character that no font has.
+        mpl.rcParams.update(standard)
+        mpl.rcParams.update(STYLE)
+        yield
+
+
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure [inch], to be filled within `rc_context(STYLE)`."""
+    """An empty figure [inch], to be filled within `style()`."""
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
@@ -87,12 +111,12 @@ def save_figure(figure: Figure, path: Path) -> None:
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # Each format would lay the same figure out anew.
     for file in [path] if path.suffix else [path.with_suffix(ending) for ending in FORMATS]:
+        drawn, kind = io.BytesIO(), file.suffix
         try:
-            figure.savefig(file, dpi=PNG_RESOLUTION, metadata=_NAMELESS.get(file.suffix))
-        except OSError as error:
-            raise GaitError(f"cannot write the figure {file}: {error.strerror}") from None
+            figure.savefig(drawn, format=kind[1:], dpi=PNG_RESOLUTION, metadata=_NAMELESS.get(kind))
         except ValueError as error:
             raise SettingsError(f"cannot write the figure {file}: {error}") from None
+        write(file, drawn.getvalue(), what="the figure ")
 
 
 def save_picture(picture: Picture, path: Path) -> None:
@@ -101,7 +125,8 @@ def save_picture(picture: Picture, path: Path) -> None:
     Raises:
         GaitError: the file cannot be written.
     """
-    try:
-        imsave(path, np.clip(picture.pixels, 0.0, 1.0), metadata=_NAMELESS[".png"])
-    except OSError as error:
-        raise GaitError(f"cannot write the picture {path}: {error.strerror}") from None
+    drawn = io.BytesIO()
+    with style():
+        pixels = np.clip(picture.pixels, 0.0, 1.0)
+        imsave(drawn, pixels, format="png", metadata=_NAMELESS[".png"])
+    write(path, drawn.getvalue(), what="the picture ")

@@ -7,10 +7,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib import rc_context
 from numpy.typing import ArrayLike
 
-from drake_gait.visualization.style import BLUE, COLUMN, STYLE, VERMILION, new_figure, save_figure
+from drake_gait.visualization.style import BLUE, COLUMN, VERMILION, new_figure, save_figure, style
 
 _MAP = "cividis"  # even in lightness, and alike for all kinds of colour vision
 
@@ -22,7 +21,7 @@ def variants(forward_mm: Mapping[str, Sequence[float]], path: Path) -> None:
         forward_mm: Distances walked [mm] of each variant, by its name.
         path: The file to write.
     """
-    with rc_context(STYLE):
+    with style():
         figure = new_figure(COLUMN, 2.7)
         axes = figure.subplots()
         for place, distances in enumerate(forward_mm.values()):
@@ -60,7 +59,7 @@ def grid(
         path: The file to write.
     """
     mean = np.asarray(forward_mm, dtype=float)
-    with rc_context(STYLE):
+    with style():
         figure = new_figure(COLUMN, 2.9)
         axes = figure.subplots()
         image = axes.imshow(mean, origin="lower", aspect="auto", cmap=_MAP)

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib import rc_context
 from numpy.typing import NDArray
 
 from drake_gait.errors import SettingsError
@@ -22,9 +21,9 @@ from drake_gait.visualization.style import (
     INK,
     PAGE,
     SIDES,
-    STYLE,
     new_figure,
     save_figure,
+    style,
 )
 from drake_gait.walk import History
 
@@ -48,7 +47,7 @@ def waveforms(history: History, path: Path) -> None:
 
     Behind them a human's right leg, whose initial contact is at 1.2 s as in Fig. 12.
     """
-    with rc_context(STYLE):
+    with style():
         figure = new_figure(COLUMN, 5.4)
         panels = figure.subplots(len(WAVEFORMS), 1, sharex=True)
         shown = _between(history.time, *_NATURAL_CYCLE)
@@ -95,7 +94,7 @@ def paths(history: History, path: Path) -> None:
         ("left ankle", SIDES[1][1], history.ankles[:, 1, :2]),
         ("centre of mass", COM, history.com[:, :2]),
     )
-    with rc_context(STYLE):
+    with style():
         figure = new_figure(COLUMN, 2.6)
         axes = figure.subplots()
         for name, colour, points in tracks:
@@ -159,7 +158,7 @@ def postures(history: History, pictures: Sequence[Picture], path: Path) -> None:
     behind = min(-_ROOM_BEHIND, *(begin - _EDGE for begin, _ in reach))
     ahead = max(_ROOM_AHEAD, *(end + _EDGE for _, end in reach))
     scale = (_ROOM_BEHIND + _ROOM_AHEAD) / (ahead - behind)
-    with rc_context(STYLE):
+    with style():
         figure = new_figure(PAGE, 1.4 + 2.5 * scale)
         rows = figure.subplots(2, len(frames), sharey="row", height_ratios=(430 * scale, 110))
         for column, (frame, picture) in enumerate(zip(frames, pictures, strict=True)):
@@ -210,7 +209,7 @@ def ground_reaction(history: History, path: Path) -> None:
     vertical = history.ground_reaction[:, :, 2]
     stands = vertical > CONTACT_FORCE
     both: NDArray[np.bool_] = stands[:, 0] & stands[:, 1]
-    with rc_context(STYLE):
+    with style():
         figure = new_figure(COLUMN, 3.4)
         force, contact = figure.subplots(2, 1, sharex=True, height_ratios=(5, 2))
         for foot, (side, colour) in enumerate(SIDES):
@@ -246,7 +245,7 @@ def torques(history: History, path: Path, limits: FloatArray) -> None:
         limits: Stall torques [N·m], shape (10,), ordered as gait.JOINTS.
     """
     pairs = len(JOINTS) // 2
-    with rc_context(STYLE):
+    with style():
         figure = new_figure(COLUMN, 5.6)
         panels = figure.subplots(pairs, 1, sharex=True, sharey=True)
         for joint, (axes, name) in enumerate(zip(panels, JOINTS[:pairs], strict=True)):

@@ -219,3 +219,17 @@ def test_a_study_of_diverged_walks_ends_without_a_crash(quick, study, path):
     walks = run(study, path, Ground(study.space, lambda x: Walk.diverged("made up")))
     assert len(walks) == 55
     assert best_walk(walks, study.constraints).id == 0
+
+
+@pytest.mark.parametrize(
+    ("plan", "expected"),
+    [
+        ({"samples": 100, "simulations": 400}, 100),
+        ({"samples": 12, "simulations": 20}, 5),  # A process is worth four walks.
+        ({"samples": 2, "simulations": 400, "batch": 12}, 12),
+        ({"samples": 2, "simulations": 1002, "batch": 10, "replicas": 4}, 40),
+        ({"samples": 1, "simulations": 1}, 1),
+    ],
+)
+def test_no_more_processes_are_started_than_a_study_can_use(study, plan, expected):
+    assert search.useful_workers(planned(study, **plan)) == expected

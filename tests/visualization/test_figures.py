@@ -1,16 +1,21 @@
 import itertools
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
-from matplotlib import rc_context
+from conftest import texts
+from matplotlib import rc_context, rcParams
 
 from drake_gait.errors import GaitError, SettingsError
 from drake_gait.visualization import style as figures
+from drake_gait.visualization import sweep as sweep_figures
 
 
 def draw(path: Path) -> None:
     """A figure with a line and a text."""
-    with rc_context(figures.STYLE):
+    with figures.style():
         figure = figures.new_figure(2.0, 1.0)
         figure.subplots().plot([0.0, 1.0], label="line")
         figure.legend()
@@ -46,3 +51,72 @@ def test_right_left_and_centre_of_mass_differ_in_lightness_or_hue_for_everyone()
     used = [figures.RIGHT, figures.LEFT, figures.COM]
     assert set(used) <= okabe_ito
     assert all(a != b for a, b in itertools.combinations(used, 2))
+
+
+ODD = """
+text.usetex: True
+text.latex.preamble: \\\\nonsense
+font.family: serif
+font.serif: No Such Font
+font.size: 40
+backend: pdf
+figure.constrained_layout.use: True
+figure.autolayout: True
+image.origin: lower
+savefig.bbox: tight
+savefig.format: pdf
+savefig.transparent: True
+axes.formatter.use_locale: True
+svg.fonttype: path
+lines.linewidth: 9
+"""
+
+DRAWING = """
+import sys, warnings
+from pathlib import Path
+warnings.simplefilter("error")
+from drake_gait.cli._signals import begin
+begin()
+from drake_gait import sweep_figures, walk_figures
+from drake_gait.visualization.style import save_picture
+from drake_gait.visualization.rasterizer import Picture
+import inspect, numpy
+folder = Path(sys.argv[1])
+sweep_figures.variants({"toes": [1.0, 2.0], "rigid": [3.0]}, folder / "variants")
+sweep_figures.grid([[1.0, 2.0], [3.0, 4.0]], [["a", "b"], ["c", "d"]], ["x", "y"], folder / "grid")
+pixels = numpy.linspace(0.0, 1.0, 48).reshape(4, 4, 3)
+fields = {name: None for name in inspect.signature(Picture).parameters}
+save_picture(Picture(**{**fields, "pixels": pixels}), folder / "picture.png")
+"""
+
+
+@pytest.mark.parametrize("backend", ["nonsense", "module://none", "qtagg", ""])
+def test_a_user_s_matplotlibrc_and_backend_change_no_figure(tmp_path: Path, backend: str) -> None:
+    (tmp_path / "matplotlibrc").write_text(ODD)
+    plain = {name: text for name, text in os.environ.items() if not name.startswith("MPL")}
+    odd = {**plain, "MATPLOTLIBRC": str(tmp_path / "matplotlibrc"), "MPLBACKEND": backend}
+    for name, environment in (("plain", plain), ("odd", odd)):
+        (tmp_path / name).mkdir()
+        command = [sys.executable, "-c", DRAWING, str(tmp_path / name)]
+        subprocess.run(command, check=True, env=environment)
+    files = sorted(path.name for path in (tmp_path / "plain").iterdir())
+    assert files == ["grid.png", "grid.svg", "picture.png", "variants.png", "variants.svg"]
+    for name in files:
+        assert (tmp_path / "plain" / name).read_bytes() == (tmp_path / "odd" / name).read_bytes()
+
+
+@pytest.mark.parametrize("name", ["$x_{$", "a$b", "\\frac", "𝒱🤖", "größe & <b>", "%", "#"])
+def test_any_name_can_stand_in_a_figure(tmp_path: Path, name: str) -> None:
+    sweep_figures.variants({name: [1.0], "other": [2.0]}, tmp_path / "variants")
+    sweep_figures.grid([[1.0]], [["1"], ["2"]], [name, "y"], tmp_path / "grid")
+    assert name.replace("_", " ") in texts(tmp_path / "variants.svg")
+    assert name in texts(tmp_path / "grid.svg")
+
+
+def test_what_a_user_has_set_is_set_again_afterwards() -> None:
+    with rc_context({"font.size": 33.0, "text.usetex": True}):
+        with figures.style():
+            assert rcParams["font.size"] == 8.0
+            assert not rcParams["text.usetex"]
+        assert rcParams["font.size"] == 33.0
+        assert rcParams["text.usetex"]
