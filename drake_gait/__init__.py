@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from drake_gait.problem.problem import Candidate, Constraints, DesignSpace, assess
     from drake_gait.servo import Servo
     from drake_gait.simulation.simulate import simulate
-    from drake_gait.study.settings import read_study
+    from drake_gait.study.reading import read_study
     from drake_gait.study.store import Study
     from drake_gait.walk import Fidelity, Outcome, Walk, WalkSettings
 
@@ -26,7 +26,7 @@ _HOMES = {
     "gait": ("Gait",),
     "problem.problem": ("Candidate", "Constraints", "DesignSpace", "assess"),
     "servo": ("Servo",),
-    "study.settings": ("read_study",),
+    "study.reading": ("read_study",),
     "simulation.simulate": ("simulate",),
     "study.store": ("Study",),
     "walk": ("Fidelity", "Outcome", "Walk", "WalkSettings"),

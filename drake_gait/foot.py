@@ -32,6 +32,9 @@ DESIGN_UNITS = {
 }
 """Their units."""
 
+SIZES = frozenset({"big_toe_width", "toe_length"})
+"""Those of which a robot is built anew."""
+
 SEARCHED_IN_LOG = frozenset({"big_toe_stiffness", "lesser_toes_stiffness", "toe_damping"})
 """Those that span decades, where a factor counts; the sizes are searched as they are."""
 

@@ -1,23 +1,30 @@
 """One study in its folder: opened or gone on with, and searched to its end."""
 
 import functools
+import itertools
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from drake_gait.errors import StudyError
 from drake_gait.execution.dask import DaskCluster, identity
 from drake_gait.execution.local import LocalProcesses
-from drake_gait.provenance import file_sha256, versions
+from drake_gait.foot import SIZES, FootDesign
+from drake_gait.problem.problem import Candidate
+from drake_gait.provenance import versions
+from drake_gait.robot.description import RobotModel, read_model
 from drake_gait.search.loop import search
-from drake_gait.search.runner import Progress
-from drake_gait.simulation.plant import build_robot, model_path
-from drake_gait.simulation.simulate import walk_trial
+from drake_gait.search.runner import Progress, on_other_ground
+from drake_gait.simulation.simulate import try_out, walk_trial
+from drake_gait.study.robot import ROBOT, robot_of
 from drake_gait.study.settings import StudySettings
 from drake_gait.study.store import Study
+from drake_gait.visualization.portraits import check_looks
 from drake_gait.walk import WalkSettings
 
 STARTING_TIME = 60.0  # What a worker may need beside its walk, to import and to build [s].
@@ -32,18 +39,23 @@ def open_study(settings: StudySettings, folder: Path) -> Study:
         ModelError: the robot cannot be used; found out before anything is written.
         StudyError: the folder holds another study, or another driver has it.
     """
-    build_robot(settings.walk.model, settings.space.foot, settings.walk.servo)
     path = folder / "study.db"
-    wanted = _wanted(settings)
+    model = read_model(settings.walk.model)
+    wanted = _wanted(settings, model)
     if not path.exists():
+        try_robot(settings, model)
         source = {} if settings.source is None else {"source": asdict(settings.source)}
-        return Study.create(path, {**wanted, "versions": versions(), **source})
+        known = {**wanted, ROBOT: model.plain(), "versions": versions(), **source}
+        return Study.create(path, known)
     study = Study.open(path, driver=True)
     try:
         study.require(wanted)
         study.resize(settings.search.simulations)
-        if settings.source is not None and "source" not in study.description():  # Of before.
+        known = study.description()
+        if settings.source is not None and "source" not in known:  # Of before.
             study.set("source", asdict(settings.source))
+        if ROBOT not in known:
+            study.set(ROBOT, model.plain())
     except StudyError:
         study.close()
         raise
@@ -60,18 +72,37 @@ def is_finished(settings: StudySettings, folder: Path) -> bool:
     if not path.exists():
         return False
     with Study.open(path) as study:
-        study.require(_wanted(settings))
+        study.require(_wanted(settings, read_model(settings.walk.model)))
         known = study.description()
     budget = known["settings"]["search.simulations"]
     return "finished" in known and budget == settings.search.simulations
 
 
-def _wanted(settings: StudySettings) -> dict[str, Any]:
+def _wanted(settings: StudySettings, model: RobotModel) -> dict[str, Any]:
     """What a study must have begun with, to be this one."""
-    return {
-        "settings": settings.description(),
-        "model_sha256": file_sha256(model_path(settings.walk.model)),
-    }
+    return {"settings": settings.description(), "model_sha256": model.sha256}
+
+
+def try_robot(settings: StudySettings, model: RobotModel) -> None:
+    """Walk a robot for a moment, on feet from all ends of a study and on every ground.
+
+    Raises:
+        ModelError: it cannot be used.
+    """
+    space, walk = settings.space, replace(settings.walk, model=model)
+    gait = space.decode(np.zeros(space.dimension)).gait
+    sizes = [one for one in space.foot_ranges if one[0] in SIZES]
+    ends = itertools.product(*([(name, low), (name, high)] for name, low, high in sizes))
+    for end in ends:
+        try_out(Candidate(gait=gait, foot=_resized(space.foot, dict(end))), walk)
+    for variation in (1, 2):
+        ground = on_other_ground(walk, settings, variation)
+        try_out(Candidate(gait=gait, foot=space.foot), ground)
+    check_looks(model, space.foot)
+
+
+def _resized(foot: FootDesign, sizes: dict[str, float]) -> FootDesign:
+    return FootDesign(**{**asdict(foot), **sizes})
 
 
 def run_study(
@@ -100,7 +131,7 @@ def run_study(
     started, before = time.monotonic(), study.description()
     deaths = Counter(before.get("worker_deaths", {}))
     try:
-        with _workers(settings.walk, workers, dask) as running:
+        with _workers(settings.walk, robot_of(study), workers, dask) as running:
             try:
                 search(settings, study, running.run, report)
             finally:
@@ -110,10 +141,12 @@ def run_study(
     study.set("finished", True)
 
 
-def _workers(settings: WalkSettings, count: int, dask: str | None) -> LocalProcesses | DaskCluster:
-    """What simulates."""
+def _workers(
+    settings: WalkSettings, model: RobotModel, count: int, dask: str | None
+) -> LocalProcesses | DaskCluster:
+    """What simulates one robot, of which every worker gets the content."""
     limit = settings.time_limit + STARTING_TIME
+    walk = functools.partial(walk_trial, model=model.for_walks())
     if dask is None:
-        return LocalProcesses(walk_trial, count=count, time_limit=limit)
-    same = functools.partial(identity, settings.model)
-    return DaskCluster(walk_trial, dask, count=count, time_limit=limit, identity=same)
+        return LocalProcesses(walk, count=count, time_limit=limit)
+    return DaskCluster(walk, dask, count=count, time_limit=limit, identity=identity)

@@ -4,11 +4,15 @@ import math
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from drake_gait.errors import SettingsError
 from drake_gait.gait import FRAME_TIME, FloatArray
 from drake_gait.ranges import POSITIVE, Range, Unit, check
 from drake_gait.servo import Servo
+
+if TYPE_CHECKING:
+    from drake_gait.robot.description import RobotModel
 
 DEFAULT_MODEL = "khr3hv.sdf"
 """The shipped robot that walks when none is named."""
@@ -67,8 +71,8 @@ INTEGRATORS = {
 class WalkSettings:
     """How candidates are simulated."""
 
-    model: str | Path = DEFAULT_MODEL
-    """Robot description: an SDF file, or the name of a shipped one."""
+    model: "str | Path | RobotModel" = DEFAULT_MODEL
+    """Robot description: an SDF file, the name of a shipped one, or one that has been read."""
     fidelity: Fidelity = Fidelity.SEARCH
     """How finely to simulate."""
     integrator: Integrator | None = None

@@ -20,8 +20,9 @@ from drake_gait.report.result import in_words
 from drake_gait.search.confirmation import winner
 from drake_gait.search.proposer import training_data
 from drake_gait.study.ranking import best_walk, feasible_walks
+from drake_gait.study.reading import default_study
 from drake_gait.study.records import StudyWalk
-from drake_gait.study.settings import default_study, study_settings
+from drake_gait.study.settings import study_settings
 from drake_gait.surrogates.ensemble import fit
 from drake_gait.visualization.recording import record
 from drake_gait.visualization.walk import waveforms

@@ -14,9 +14,10 @@ from drake_gait.gait import Gait
 from drake_gait.problem.problem import Candidate, DesignSpace
 from drake_gait.search import proposer as proposer_module
 from drake_gait.search.loop import search
+from drake_gait.study.reading import read_study
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.search_settings import ConfirmationSettings, SearchSettings
-from drake_gait.study.settings import StudySettings, read_study
+from drake_gait.study.settings import StudySettings
 from drake_gait.study.store import Study
 from drake_gait.surrogates import ensemble as surrogate
 from drake_gait.walk import Measures, Outcome, Walk

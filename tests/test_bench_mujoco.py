@@ -11,9 +11,10 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from drake_gait.foot import FootDesign
 from drake_gait.gait import FRAME_TIME, JOINTS, Gait
+from drake_gait.robot.sdf import TOE_HINGES
 from drake_gait.servo import Servo
 from drake_gait.simulation.command_source import desired_state
-from drake_gait.simulation.plant import TOE_HINGES, build_robot, sole_corners
+from drake_gait.simulation.plant import build_robot, sole_corners
 
 HINGES = (*JOINTS, *TOE_HINGES)
 FOOT = FootDesign(big_toe_width=0.030)  # not the table's width

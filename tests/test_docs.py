@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 import drake_gait
+from drake_gait.study.reading import default_study, read_study
 from drake_gait.study.records import StudyWalk
-from drake_gait.study.settings import default_study, read_study
 from drake_gait.study.store import Study
 
 ROOT = Path(__file__).parents[1]

@@ -22,8 +22,8 @@ AWAY_FROM_THE_CHECKOUT = """
 import numpy, sys
 from pathlib import Path
 from drake_gait import Candidate, simulate
-from drake_gait.simulation.plant import model_path, models_folder
-from drake_gait.study.settings import default_study, read_study
+from drake_gait.robot.description import model_path, models_folder
+from drake_gait.study.reading import default_study, read_study
 from drake_gait.files.shipped import find
 from drake_gait.sweep.settings import read_sweep
 def read_any(path):

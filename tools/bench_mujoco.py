@@ -35,7 +35,7 @@ from drake_gait.problem.problem import Candidate
 from drake_gait.servo import Servo
 from drake_gait.simulation.plant import GROUND_FRICTION
 from drake_gait.simulation.simulate import simulate
-from drake_gait.study.settings import default_study
+from drake_gait.study.reading import default_study
 from drake_gait.walk import FALL_HEIGHT, FALL_TILT, Fidelity, Outcome, Walk, WalkSettings
 
 STEPS = (0.001, 0.002)

@@ -23,8 +23,9 @@ from drake_gait.execution.local import LocalProcesses, RemoteWorkers, Timed
 from drake_gait.problem.problem import Candidate, DesignSpace, Trial
 from drake_gait.search.loop import search
 from drake_gait.simulation.simulate import walk_trial
+from drake_gait.study.reading import default_study, read_study
 from drake_gait.study.records import StudyWalk
-from drake_gait.study.settings import StudySettings, default_study, read_study
+from drake_gait.study.settings import StudySettings
 from drake_gait.study.store import Study
 from drake_gait.walk import Outcome, Walk
 

@@ -28,9 +28,10 @@ from drake_gait.search.loop import search
 from drake_gait.simulation.simulate import walk_trial
 from drake_gait.study.finalists import winner
 from drake_gait.study.ranking import best_walk
+from drake_gait.study.reading import default_study, read_study
 from drake_gait.study.records import CONFIRMATIONS
 from drake_gait.study.search_settings import Mode
-from drake_gait.study.settings import StudySettings, default_study, read_study
+from drake_gait.study.settings import StudySettings
 from drake_gait.study.store import Study
 
 CONFIRMED = (Mode.DEFAULT, Mode.CMAES)

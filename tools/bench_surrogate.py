@@ -26,8 +26,8 @@ from sklearn.ensemble import RandomForestRegressor
 from sklearn.preprocessing import PolynomialFeatures
 
 from drake_gait.search.proposer import training_data
+from drake_gait.study.reading import default_study, read_study
 from drake_gait.study.records import CONFIRMATIONS
-from drake_gait.study.settings import default_study, read_study
 from drake_gait.study.store import Study
 from drake_gait.surrogates import ensemble as surrogate
 from drake_gait.surrogates.baselines import (

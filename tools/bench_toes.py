@@ -21,7 +21,7 @@ from drake_gait.gait import FloatArray
 from drake_gait.servo import Servo
 from drake_gait.simulation import simulate as simulation
 from drake_gait.simulation.plant import add_robot, build_robot
-from drake_gait.study.settings import default_study, read_study
+from drake_gait.study.reading import default_study, read_study
 from drake_gait.walk import DEFAULT_MODEL, INTEGRATORS, Fidelity, Walk, WalkSettings
 
 NOISE = np.radians(0.05)

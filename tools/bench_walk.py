@@ -41,7 +41,8 @@ from drake_gait.problem.problem import Candidate, assess
 from drake_gait.search.proposer import design_of_experiments
 from drake_gait.simulation import simulate as simulation
 from drake_gait.study.ranking import feasible_walks
-from drake_gait.study.settings import StudySettings, default_study, read_study, study_settings
+from drake_gait.study.reading import default_study, read_study
+from drake_gait.study.settings import StudySettings, study_settings
 from drake_gait.study.store import Study
 from drake_gait.walk import Fidelity, Integrator, Walk, WalkSettings
 

@@ -15,7 +15,7 @@ from drake_gait.execution.local import LocalProcesses
 from drake_gait.execution.machine import cores
 from drake_gait.problem.problem import assess
 from drake_gait.simulation.simulate import simulate
-from drake_gait.study.settings import default_study
+from drake_gait.study.reading import default_study
 
 
 def main() -> None:

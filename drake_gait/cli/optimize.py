@@ -31,7 +31,9 @@ from drake_gait.report.result import (
     table,
 )
 from drake_gait.search.loop import useful_workers
-from drake_gait.study.settings import StudySettings, default_study, read_override, read_study
+from drake_gait.study.reading import default_study, read_override, read_study
+from drake_gait.study.robot import with_robot
+from drake_gait.study.settings import StudySettings
 from drake_gait.study.store import Study
 from drake_gait.surrogates.ensemble import FEWEST_SURVIVORS
 
@@ -145,7 +147,7 @@ def _run(settings: StudySettings, folder: Path, workers: int, dask: str | None) 
 def _write_results(settings: StudySettings, study: Study, folder: Path) -> None:
     """Write what the study's folder is to hold, and print the table."""
     walks, wall_s = study.walks(), study.description().get("wall_s", 0.0)
-    written = write_outputs(settings, walks, folder, wall_s=wall_s)
+    written = write_outputs(with_robot(settings, study), walks, folder, wall_s=wall_s)
     searched = sum(walk.is_search_walk for walk in walks)
     if written.network is not None:
         print(f"network of all {searched} walks: {r_squared_line(written.network)}")

@@ -24,14 +24,13 @@ from drake_gait.cli._command import conduct
 from drake_gait.errors import StudyError
 from drake_gait.files.destination import check, messages
 from drake_gait.files.shipped import find
-from drake_gait.provenance import file_sha256
 from drake_gait.report.result import in_words
 from drake_gait.search.confirmation import walked_as
-from drake_gait.simulation.plant import model_path
 from drake_gait.simulation.simulate import simulate
 from drake_gait.study.finalists import winner
 from drake_gait.study.ranking import best_walk
 from drake_gait.study.records import CONFIRMATIONS, StudyWalk
+from drake_gait.study.robot import settings_with_robot
 from drake_gait.study.settings import StudySettings
 from drake_gait.study.store import Study
 from drake_gait.visualization.live import Screen
@@ -172,8 +171,7 @@ def choose(folder: Path, number: int | None) -> tuple[StudySettings, StudyWalk, 
         StudyError: there is no such study or walk, or another robot walked it.
     """
     with Study.open(find(folder) / "study.db") as study:
-        settings = study.settings()
-        study.require({"model_sha256": file_sha256(model_path(settings.walk.model))})
+        settings = settings_with_robot(study)
         walks = study.walks()
     if not walks:
         raise StudyError(f"{folder} has no walks yet")

@@ -18,6 +18,7 @@ from drake_gait.files.destination import check, messages
 from drake_gait.files.shipped import find
 from drake_gait.report.build import write_outputs
 from drake_gait.report.page import Run, read_result, write_comparison_page
+from drake_gait.study.robot import settings_with_robot
 from drake_gait.study.store import Study
 
 
@@ -54,7 +55,8 @@ def _report(folders: Sequence[Path], out: Path | None) -> None:
 
 def _remake(folder: Path) -> None:
     with Study.open(folder / "study.db") as study:
-        description, settings, walks = study.description(), study.settings(), study.walks()
+        description, settings = study.description(), settings_with_robot(study)
+        walks = study.walks()
     write_outputs(settings, walks, folder, wall_s=description.get("wall_s", 0.0))
     print(folder / "report.html")
 

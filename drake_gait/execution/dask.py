@@ -29,9 +29,7 @@ from drake_gait.execution.worker_process import (
     WorkerProcess,
 )
 from drake_gait.problem.problem import Trial
-from drake_gait.provenance import file_sha256, source_sha256
-from drake_gait.simulation.plant import model_path
-from drake_gait.walk import DEFAULT_MODEL
+from drake_gait.provenance import source_sha256
 
 if TYPE_CHECKING:
     from distributed import Client, LocalCluster
@@ -232,17 +230,15 @@ def _address_in(scheduler_file: str) -> str:
 _CURE = "install the same on every machine, and start its workers again"
 
 
-def identity(model: str | Path = DEFAULT_MODEL) -> dict[str, str]:
+def identity() -> dict[str, str]:
     """What decides a walk's numbers on this machine, but for its processor.
 
-    Raises:
-        ModelError: the robot description is not here.
+    The robot is not among it: its content comes with the walks.
     """
     return {
         "python": ".".join(platform.python_version_tuple()[:2]),
         **{package: version(package) for package in ("drake", "numpy")},
         "drake_gait": source_sha256()[:12],
-        str(model): file_sha256(model_path(model))[:12],
     }
 
 

@@ -8,6 +8,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RevoluteJoint, RigidBody, WeldJoint
 
 from drake_gait.gait import FloatArray
+from drake_gait.robot.sdf import BASE
 from drake_gait.walk import FALL_HEIGHT, FALL_TILT
 
 _SIGNS: FloatArray = np.array(list(itertools.product((-0.5, 0.5), repeat=3))).T
@@ -38,7 +39,7 @@ def out_of_reach(plant: MultibodyPlant, scene_graph: SceneGraph) -> list[Geometr
         scene_graph: Its shapes.
     """
     context = plant.CreateDefaultContext()
-    torso = plant.GetBodyByName("torso")
+    torso = plant.GetBodyByName(BASE)
     X_WT = plant.EvalBodyPoseInWorld(context, torso)
     boxes: list[tuple[GeometryId, RigidBody, FloatArray]] = []  # With their corners p_WC.
     for index in plant.GetBodyIndices(torso.model_instance()):

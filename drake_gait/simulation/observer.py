@@ -10,14 +10,11 @@ import numpy as np
 from pydrake.math import RollPitchYaw
 from pydrake.multibody.plant import ContactResults
 from pydrake.systems.framework import Context, EventStatus
-from scipy.signal import find_peaks
 
 from drake_gait.gait import CYCLE_TIME, FRAME_TIME, JOINTS, WALKING, FloatArray
-from drake_gait.simulation.plant import TOE_HINGES, Robot, sole_corners
+from drake_gait.robot.sdf import ANKLES, BASE, FOOT_LINKS, SIDES, TOE_HINGES
+from drake_gait.simulation.plant import Robot, sole_corners
 from drake_gait.walk import History, Measures
-
-_SIDES = ("r", "l")
-_FOOT_LINKS = ("foot", "big_toe", "lesser_toes")
 
 LOADED = 0.5
 """Vertical force from which a foot counts as carrying load [N]: 3 % of the robot's weight."""
@@ -39,8 +36,8 @@ class Observer:
         self._context = robot.diagram.CreateDefaultContext()
         self._plant_context = plant.GetMyMutableContextFromRoot(self._context)
         robot.gait.set_commands(robot.gait.GetMyMutableContextFromRoot(self._context), commands)
-        self._torso = plant.GetBodyByName("torso")
-        self._ankles = [plant.GetBodyByName(f"ankle_{side}") for side in _SIDES]
+        self._torso = plant.GetBodyByName(BASE)
+        self._ankles = [plant.GetBodyByName(name) for name in ANKLES]
         joints = [plant.GetJointByName(name) for name in JOINTS]
         toes = [plant.GetJointByName(name) for name in TOE_HINGES]
         self._joint_positions = [joint.position_start() for joint in joints]
@@ -51,14 +48,12 @@ class Observer:
             for column, joint in enumerate(toes)
             if joint.num_positions()
         }
-        self._back_emf: FloatArray = np.array(
-            [joint.default_damping_vector()[0] for joint in joints]
-        )
         self._stall: FloatArray = np.array(
             [plant.GetJointActuatorByName(name).effort_limit() for name in JOINTS]
         )
-        self._feet = [[plant.GetBodyByName(f"{link}_{side}") for link in _FOOT_LINKS]
-                      for side in _SIDES]  # fmt: skip
+        self._back_emf: FloatArray = self._stall / robot.servo.no_load_speed
+        self._feet = [[plant.GetBodyByName(f"{link}_{side}") for link in FOOT_LINKS]
+                      for side in SIDES]  # fmt: skip
         self._corners = [[sole_corners(robot, body) for body in foot] for foot in self._feet]
         self._geometries = {
             geometry: (foot, body)
@@ -260,6 +255,8 @@ def swing_clearance(height: FloatArray) -> float:
 
 def _mid_swing(height: FloatArray) -> float:
     """Return the least height from the first to the last maximum of one swing [m]."""
+    from scipy.signal import find_peaks  # Walks without measures are spared its import.
+
     maxima, _ = find_peaks(np.pad(height, 1), prominence=_RIPPLE)
     first, last = maxima[0] - 1, maxima[-1] - 1
     return float(height[first : last + 1].min())

@@ -1,8 +1,8 @@
 """From a robot description and a foot design to a finalized plant."""
 
-import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -26,6 +26,7 @@ from pydrake.multibody.plant import (
 from pydrake.multibody.tree import (
     ForceElementIndex,
     PdControllerGains,
+    RevoluteJoint,
     RevoluteSpring,
     RigidBody,
 )
@@ -35,77 +36,23 @@ from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 from drake_gait.errors import ModelError
 from drake_gait.foot import FootDesign
 from drake_gait.gait import FRAME_TIME, JOINTS, FloatArray
+from drake_gait.robot.description import UNPACKED, Model, RobotModel, files_of, read_model
+from drake_gait.robot.sdf import BASE, TOE_HINGES, remove_looks, with_files, with_friction
+from drake_gait.robot.sdf_checks import tree
 from drake_gait.servo import Servo
 from drake_gait.simulation.collision import box_corners, out_of_reach
 from drake_gait.simulation.command_source import GaitSystem
+from drake_gait.simulation.messages import drake_messages, in_one_line, without_folders
 from drake_gait.simulation.toes import with_toes
 from drake_gait.walk import DEFAULT_MODEL
 
-TOE_HINGES = tuple(
-    f"{toe}_hinge_{side}" for side in ("r", "l") for toe in ("big_toe", "lesser_toes")
-)
-"""The four passive joints, in the order of every array of toe values."""
-
-_DRAKE = "http://drake.mit.edu"
-"""Namespace of Drake's own elements in an SDF file."""
-
 _NEVER: tuple[FloatArray, FloatArray] = (np.array([-np.inf]), np.array([np.inf]))
+
+_OUT_OF_REACH = np.pi / 2.0
+"""A servo never turns so far: commands stay within Table I, and a walk ends when it falls [rad]."""
 
 GROUND_FRICTION = 1.0
 """Both coefficients of the ground; Drake combines two surfaces as 2ab / (a + b)."""
-
-
-def models_folder() -> Path:
-    """Folder of the robot descriptions: inside an installed package, or beside it in a checkout."""
-    inside = Path(str(files("drake_gait"))) / "models"
-    return inside if inside.is_dir() else inside.parents[1] / "models"
-
-
-def model_path(model: str | Path = DEFAULT_MODEL) -> Path:
-    """Path of a robot description, given as a file or as the name of one that is shipped.
-
-    Raises:
-        ModelError: there is no such file.
-    """
-    shipped = models_folder() / model
-    for path in (Path(model), shipped):
-        if path.is_file():
-            return path
-    known = ", ".join(sorted(path.name for path in models_folder().glob("*.sdf")))
-    raise ModelError(
-        f"no robot description '{model}'; give a path to an SDF file, or one of {known}"
-    )
-
-
-def with_friction(sdf: str, factor: float) -> str:
-    """A robot description whose contact with the ground has `factor` times its friction.
-
-    Raises:
-        ModelError: it has a friction that is no number, or that cannot be multiplied by so much.
-    """
-    if factor == 1.0:
-        return sdf
-    ElementTree.register_namespace("drake", _DRAKE)
-    root = ElementTree.fromstring(sdf)
-    for name in ("mu_static", "mu_dynamic"):
-        for element in root.iter(f"{{{_DRAKE}}}{name}"):
-            element.text = repr(_surface(name, element.text, factor))
-    return ElementTree.tostring(root, encoding="unicode")
-
-
-def _surface(name: str, text: str | None, factor: float) -> float:
-    """Coefficient of a surface whose contact with the ground has `factor` times its friction."""
-    try:
-        surface = float(text or "")
-    except ValueError:
-        raise ModelError(f"<drake:{name}> must be a number, got '{text or ''}'") from None
-    contact = factor * 2.0 * surface * GROUND_FRICTION / (surface + GROUND_FRICTION)
-    if not contact < 2.0 * GROUND_FRICTION:
-        raise ModelError(
-            f"no surface has {factor:g} times the friction of <drake:{name}> {surface:g} on the "
-            "ground; lower walk.friction"
-        )
-    return contact * GROUND_FRICTION / (2.0 * GROUND_FRICTION - contact)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -124,6 +71,8 @@ class Robot:
     """Logs positions, then velocities, of the plant at the control frames, where it is `logged`."""
     springs: tuple[RevoluteSpring, ...]
     """The toes' springs, ordered as TOE_HINGES; none where the toes are rigid."""
+    servo: Servo
+    """Its ten servos."""
 
     def set_foot(self, plant_context: Context, foot: FootDesign) -> None:
         """Put the springs and dampers of a foot into a context; its shape is in the diagram."""
@@ -139,8 +88,8 @@ class Robot:
 
 def add_robot(
     builder: DiagramBuilder,
-    model: str | Path,
-    foot: FootDesign,
+    model: Model,
+    foot: FootDesign | None,
     servo: Servo,
     *,
     time_step: float = 0.0,
@@ -150,43 +99,37 @@ def add_robot(
     """Add plant and scene graph of the robot on the ground to a diagram.
 
     The plant is continuous, or, with a `time_step` [s], discrete with Drake's lagged solver.
+    Without a `foot` the robot has the toes of its file.
     Without `looks` it has the shapes that touch only.
     The friction between feet and ground is `friction` times that of the description.
 
     Raises:
         ModelError: the description cannot be read, or is not a biped with the joints needed.
     """
-    path = model_path(model)
+    model = read_model(model)
     plant, scene_graph = AddMultibodyPlant(
         MultibodyPlantConfig(time_step=time_step, contact_model="hydroelastic_with_fallback"),
         builder,
     )
     plant.set_name("plant")
-    parser = Parser(plant)
-    parser.SetStrictParsing()
-    parser.package_map().AddPackageXml(models_folder() / "package.xml")
-    try:
-        sdf = with_friction(with_toes(path.read_text(), foot, looks=looks), friction)
-        parser.AddModelsFromString(sdf, "sdf")
-    except ModelError as error:
-        raise ModelError(f"{path}: {error}") from None
-    except ElementTree.ParseError as error:
-        raise ModelError(f"{path} is not a well-formed SDF file: {error}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ModelError(f"cannot read {path}: {error}") from None
-    except RuntimeError as error:
-        first_line = str(error).strip().splitlines()[0]
-        raise ModelError(f"{path} is not a robot that can be used: {first_line}") from None
-    _check_joints(plant, path, foot)
-    add_ground(plant)
-    for name in JOINTS:
-        # Commands stay within Table I, and a limit costs the solver a fifth of a walk's time.
-        plant.GetJointByName(name).set_position_limits(_NEVER[0], _NEVER[1])
-        actuator = plant.GetJointActuatorByName(name)
-        actuator.set_controller_gains(PdControllerGains(p=servo.stiffness, d=servo.damping))
-        back_emf = actuator.effort_limit() / servo.no_load_speed
-        plant.GetJointByName(name).set_default_damping(back_emf)
-    plant.Finalize()
+    rigid = foot is not None and foot.rigid_toes
+    with _naming(model), drake_messages() as messages:
+        root = tree(model.content)
+        if foot is not None:
+            with_toes(root, foot)
+        if not looks:
+            remove_looks(root)
+        with_friction(root, friction, GROUND_FRICTION)
+        with files_of(model, looks=looks) as (folder, uris):
+            with_files(root, uris)
+            _parse(plant, root, folder)
+        _check_plant(plant, rigid_toes=rigid)
+        add_ground(plant)
+        _add_servos(plant, servo)
+        plant.Finalize()
+        _check_base(plant)
+        if messages:
+            raise ModelError(f": Drake says: {without_folders(messages[0])}; mend it")
     if not looks:
         # They would be looked for in every step: 3 % of a walk, whose numbers stay the same.
         for geometry in out_of_reach(plant, scene_graph):
@@ -194,22 +137,68 @@ def add_robot(
     return plant, scene_graph
 
 
-def _check_joints(plant: MultibodyPlant, path: Path, foot: FootDesign) -> None:
-    present = [plant.get_joint(index).name() for index in plant.GetJointIndices()]
-    for name in (*JOINTS, *TOE_HINGES):
-        if name not in present:
-            raise ModelError(f"no joint '{name}' in {path}; it has {', '.join(present) or 'none'}")
+def _parse(plant: MultibodyPlant, root: ElementTree.Element, folder: Path | None) -> None:
+    parser = Parser(plant)
+    parser.SetStrictParsing()
+    if folder is not None:
+        parser.package_map().Add(UNPACKED, folder)
+    parser.AddModelsFromString(ElementTree.tostring(root, encoding="unicode"), "sdf")
+
+
+@contextmanager
+def _naming(model: RobotModel) -> Iterator[None]:
+    """Turns what is wrong with a description into one line that begins with its name."""
+    try:
+        yield
+    except ModelError as error:
+        raise ModelError(f"{model}{error}") from None
+    # Drake raises a failed assertion as SystemExit.
+    except (RuntimeError, SystemExit) as error:
+        raise ModelError(f"{model}{in_one_line(model, str(error))}") from None
+
+
+def _add_servos(plant: MultibodyPlant, servo: Servo) -> None:
+    for name in JOINTS:
+        joint, actuator = plant.GetJointByName(name), plant.GetJointActuatorByName(name)
+        lower, upper = joint.position_lower_limits()[0], joint.position_upper_limits()[0]
+        if lower <= -_OUT_OF_REACH and upper >= _OUT_OF_REACH:
+            # A limit that is never reached costs the solver a fifth of a walk's time.
+            joint.set_position_limits(_NEVER[0], _NEVER[1])
+        actuator.set_controller_gains(PdControllerGains(p=servo.stiffness, d=servo.damping))
+        back_emf = actuator.effort_limit() / servo.no_load_speed
+        damping: FloatArray = np.array([joint.default_damping_vector()[0] + back_emf])
+        joint.set_default_damping_vector(damping)
+
+
+def _check_plant(plant: MultibodyPlant, *, rigid_toes: bool) -> None:
+    """Refuse a robot with other joints than the gaits have, before it is finalized."""
+    for name in (*JOINTS, *(() if rigid_toes else TOE_HINGES)):
+        joint = plant.GetJointByName(name)
+        if not isinstance(joint, RevoluteJoint):
+            raise ModelError(f": joint '{name}' must be revolute, got {joint.type_name()}")
     sprung = {spring.joint().name() for spring in _springs(plant)}
     for name in TOE_HINGES:
-        if name not in sprung and not foot.rigid_toes:
-            raise ModelError(f"joint '{name}' in {path} has no spring (<spring_stiffness>)")
+        if name not in sprung and not rigid_toes:
+            raise ModelError(
+                f": joint '{name}' has no spring; give its <dynamics> a <spring_stiffness> > 0"
+            )
     actuated = [
         plant.get_joint_actuator(index).joint().name() for index in plant.GetJointActuatorIndices()
     ]
     if actuated != list(JOINTS):
         raise ModelError(
-            f"the actuated joints of {path} must be {', '.join(JOINTS)} in this order; "
-            f"they are {', '.join(actuated) or 'none'}"
+            f": its actuated joints must be {', '.join(JOINTS)} in this order, got "
+            f"{', '.join(actuated) or 'none'}; order them so, and give others <effort>0</effort>"
+        )
+
+
+def _check_base(plant: MultibodyPlant) -> None:
+    """Refuse a robot of which something else than the torso floats."""
+    floating = sorted(plant.get_body(index).name() for index in plant.GetFloatingBaseBodies())
+    if floating != [BASE]:
+        raise ModelError(
+            f": the '{BASE}' must float, and all other links hang on it by joints; what floats is "
+            f"{', '.join(floating) or 'nothing'}"
         )
 
 
@@ -230,13 +219,9 @@ def sole_corners(robot: Robot, body: RigidBody) -> FloatArray:
     return np.hstack(list(box_corners(robot.plant, robot.scene_graph, body).values()))
 
 
-# Drake warns that deformable bodies will not touch the ground; there are none.
-logging.getLogger("drake").addFilter(lambda record: "deformable contact" not in record.getMessage())
-
-
 def build_robot(
-    model: str | Path,
-    foot: FootDesign,
+    model: Model,
+    foot: FootDesign | None,
     servo: Servo,
     *,
     time_step: float = 0.0,
@@ -256,7 +241,7 @@ def build_robot(
     builder.AddSystem(gait)
     state = plant.get_state_output_port()
     frames = LogVectorOutput(state, builder, FRAME_TIME) if logged else None
-    instance = plant.GetBodyByName("torso").model_instance()
+    instance = plant.GetBodyByName(BASE).model_instance()
     builder.Connect(
         gait.GetOutputPort("desired_state"), plant.get_desired_state_input_port(instance)
     )
@@ -266,7 +251,8 @@ def build_robot(
         scene_graph=scene_graph,
         gait=gait,
         frames=frames,
-        springs=() if foot.rigid_toes else _toe_springs(plant),
+        springs=() if foot is not None and foot.rigid_toes else _toe_springs(plant),
+        servo=servo,
     )
 
 
@@ -284,7 +270,7 @@ def _springs(plant: MultibodyPlant) -> list[RevoluteSpring]:
     return [element for element in elements if isinstance(element, RevoluteSpring)]
 
 
-def stall_torques(model: str | Path = DEFAULT_MODEL) -> FloatArray:
+def stall_torques(model: Model = DEFAULT_MODEL) -> FloatArray:
     """What each servo can hold [N·m], shape (10,), ordered as JOINTS: the model's effort limits.
 
     Raises:

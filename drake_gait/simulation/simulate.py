@@ -5,7 +5,6 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from pathlib import Path
 from typing import cast
 
 import numpy as np
@@ -15,12 +14,17 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import Context, Diagram
 from pydrake.systems.primitives import VectorLogSink
 
+from drake_gait.errors import ModelError
 from drake_gait.foot import FootDesign
 from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray, joint_commands
 from drake_gait.problem.problem import Candidate, Trial
+from drake_gait.robot.description import RobotModel, read_model
+from drake_gait.robot.sdf import BASE
 from drake_gait.servo import Servo
+from drake_gait.simulation.messages import drake_messages
 from drake_gait.simulation.observer import Observer
 from drake_gait.simulation.plant import Robot, build_robot
+from drake_gait.simulation.stance import check_placed, check_toes
 from drake_gait.walk import (
     FALL_HEIGHT,
     FALL_TILT,
@@ -50,6 +54,12 @@ _LINE_SEARCH_OF_SETTLING = 1e-8
 _SETTLING_TIME = 1.0
 """How long the robot stands before its walk, to come to rest on its soles [s]."""
 
+
+_TRIED_OUT = 5
+"""Frames of a walk in which a robot is tried out."""
+
+_UNMOVED = math.radians(10.0)
+"""What stands turns and leans by less than this [rad]."""
 
 _FRAMES_AT_A_TIME = 10
 """Frames between two looks at a walk that nobody watches; Drake logs each of them by itself.
@@ -85,9 +95,15 @@ def simulate(
     return follow(candidate.gait.commands, candidate.foot, settings, history=history, watch=watch)
 
 
-def walk_trial(trial: Trial) -> Walk:
-    """Walk a trial; what a worker runs."""
-    return simulate(trial.candidate, trial.settings)
+def walk_trial(trial: Trial, model: RobotModel | None = None) -> Walk:
+    """Walk a trial; what a worker runs.
+
+    Args:
+        trial: The candidate, and how to simulate.
+        model: The robot as it was read, whatever the trial names.
+    """
+    settings = trial.settings if model is None else replace(trial.settings, model=model)
+    return simulate(trial.candidate, settings)
 
 
 def follow(
@@ -115,8 +131,26 @@ def follow(
     foot, settings = foot or FootDesign(), settings or WalkSettings()
     robot, context = prepare(commands, foot, settings)
     observer = Observer(robot, commands) if history or settings.measures else None
-    walk = _advance(robot, context, settings, observer, watch)
+    with drake_messages():
+        walk = _advance(robot, context, settings, observer, watch)
     return walk if history else replace(walk, history=None)
+
+
+def try_out(candidate: Candidate, settings: WalkSettings) -> None:
+    """Stand a robot up and walk it for a moment, with all that is ever measured of a walk.
+
+    Raises:
+        ModelError: the robot cannot be used.
+    """
+    commands = candidate.gait.commands
+    robot, context = prepare(commands, candidate.foot, settings)
+    with drake_messages():
+        walk = _advance(robot, context, settings, Observer(robot, commands), frames=_TRIED_OUT)
+    if not walk.survived:
+        raise ModelError(
+            f"{settings.model}: the robot does not walk for {_TRIED_OUT * FRAME_TIME:g} s: "
+            f"{walk.reason}; look at its masses, inertias and contacts"
+        )
 
 
 def prepare(
@@ -125,12 +159,12 @@ def prepare(
     """A robot, and a context of its diagram in which it stands, about to follow `commands`."""
     stepping = settings.stepping
     time_step = stepping.step if stepping.discrete else 0.0
-    body, friction = foot.body, settings.friction
-    robot = _robot(settings.model, body, settings.servo, time_step, friction, logged)
+    model, body, friction = read_model(settings.model), foot.body, settings.friction
+    robot = _robot(model, body, settings.servo, time_step, friction, logged)
     context = robot.diagram.CreateDefaultContext()
     plant_context = robot.plant.GetMyMutableContextFromRoot(context)
     robot.set_foot(plant_context, foot)
-    standing = _standing(settings.model, settings.servo, rigid_toes=foot.rigid_toes)
+    standing = _standing(model, settings.servo, rigid_toes=foot.rigid_toes)
     robot.plant.SetPositions(plant_context, standing)
     gait_context = robot.gait.GetMyMutableContextFromRoot(context)
     robot.gait.set_commands(gait_context, commands, lead=stepping.lead)
@@ -139,7 +173,7 @@ def prepare(
 
 @lru_cache(maxsize=4)
 def _robot(
-    model: str | Path,
+    model: RobotModel,
     body: FootDesign,
     servo: Servo,
     time_step: float = 0.0,
@@ -151,7 +185,7 @@ def _robot(
 
 
 @lru_cache(maxsize=4)
-def _standing(model: str | Path, servo: Servo, *, rigid_toes: bool) -> FloatArray:
+def _standing(model: RobotModel, servo: Servo, *, rigid_toes: bool) -> FloatArray:
     """Positions of the robot at rest on the paper's feet, shape (21,), or (17,) with rigid toes.
 
     Every foot starts its walk from them: what other toes would change is a thousandth of a radian
@@ -162,12 +196,42 @@ def _standing(model: str | Path, servo: Servo, *, rigid_toes: bool) -> FloatArra
     context = robot.diagram.CreateDefaultContext()
     plant_context = robot.plant.GetMyMutableContextFromRoot(context)
     robot.set_foot(plant_context, foot)
+    check_placed(robot, plant_context, model)
+    check_toes(model)
+    before = _posture(robot, plant_context)
     stepping = INTEGRATORS[Fidelity.SEARCH]
-    simulator = start(robot.diagram, context, stepping, _LINE_SEARCH_OF_SETTLING)
-    simulator.AdvanceTo(_SETTLING_TIME)
+    with drake_messages():
+        try:
+            simulator = start(robot.diagram, context, stepping, _LINE_SEARCH_OF_SETTLING)
+            simulator.AdvanceTo(_SETTLING_TIME)
+        except (RuntimeError, SystemExit) as error:
+            reason = str(error).strip().splitlines()[0]
+            raise ModelError(f"{model}: the robot cannot be stood up: {reason}") from None
+    _check_stands(before, _posture(robot, plant_context), model)
     positions: FloatArray = robot.plant.GetPositions(plant_context)
     positions.setflags(write=False)
     return positions
+
+
+def _posture(robot: Robot, plant_context: Context) -> tuple[float, float, float]:
+    """Heading, cosine of the lean, and height of the torso, see `torso_posture`."""
+    torso = robot.plant.GetBodyByName(BASE)
+    first = torso.floating_positions_start()
+    return torso_posture(robot.plant.GetPositions(plant_context)[first : first + 7])
+
+
+def _check_stands(
+    before: tuple[float, float, float], after: tuple[float, float, float], model: RobotModel
+) -> None:
+    """Refuse a robot that does not stay where its file puts it."""
+    turn, lean = abs(after[0] - before[0]), math.acos(min(max(after[1], -1.0), 1.0))
+    stays = turn < _UNMOVED and lean < _UNMOVED and after[2] > FALL_HEIGHT * before[2]
+    if not stays:  # Written so that what is not a number does not.
+        raise ModelError(
+            f"{model}: the robot does not stand: in {_SETTLING_TIME:g} s its torso turns by "
+            f"{math.degrees(turn):.0f} and leans by {math.degrees(lean):.0f} degrees, from "
+            f"{before[2]:.3g} to {after[2]:.3g} m; put its centre of mass over its soles"
+        )
 
 
 def start(
@@ -208,10 +272,11 @@ def _advance(
     settings: WalkSettings,
     observer: Observer | None = None,
     watch: Watch | None = None,
+    frames: int = FRAMES,
 ) -> Walk:
     """Step through the frames until the end, a fall or a failure."""
     plant = robot.plant
-    torso = plant.GetBodyByName("torso")
+    torso = plant.GetBodyByName(BASE)
     pose = slice(torso.floating_positions_start(), torso.floating_positions_start() + 7)
     log = cast(VectorLogSink, robot.frames).FindLog(context)
     # Computing time: a busy machine changes no walk.
@@ -222,7 +287,7 @@ def _advance(
         simulator.set_monitor(observer.monitor)
     postures: list[tuple[float, float, float]] = []
     stride = 1 if observer or watch else _FRAMES_AT_A_TIME
-    for frame in range(stride, FRAMES + 1, stride):
+    for frame in range(stride, frames + 1, stride):
         failure = ""
         try:
             # Ctrl-C is heard between two calls; Drake would look for it in every step.
@@ -244,7 +309,7 @@ def _advance(
             return Walk.diverged(failure, steps=len(postures) - 1)
         if time.thread_time() > deadline:
             return Walk.diverged(f"took longer than {settings.time_limit:g} s", steps=frame)
-    end, steps = (FRAMES, FRAMES) if fall is None else (fall, fall - 1)
+    end, steps = (frames, frames) if fall is None else (fall, fall - 1)
     com_start, com_end = _centres_of_mass(robot, positions[[0, end]])
     if not np.isfinite(com_end).all():
         return Walk.diverged("the state is not finite", steps=steps)

@@ -6,6 +6,7 @@ import tomllib
 import unicodedata
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
+from datetime import date, time
 from typing import Any, TypeVar
 
 import numpy as np
@@ -198,7 +199,9 @@ def as_toml(value: Any, unit: Unit = NONE) -> str:
         return _quoted(value)
     if isinstance(value, float):
         return _number_as_toml(value, unit.si)
-    return str(value)
+    if isinstance(value, int | date | time):  # A datetime is a date.
+        return str(value)
+    raise SettingsError(f"TOML has no value {value!r}")
 
 
 def _number_as_toml(value: float, si: float) -> str:

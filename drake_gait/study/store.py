@@ -47,8 +47,11 @@ _OLDEST = 2
 _SINCE_OLDEST = frozenset({"peak_ground_reaction"})
 """Columns that a study of an older schema may lack."""
 
-_WORDS = {"study.question", "box.chosen"}
-"""Settings that change no walk: a study goes on when somebody mends their wording."""
+_WORDS = {"study.question", "box.chosen", "walk.model"}
+"""Settings that change no walk: a study goes on when somebody mends their wording.
+
+A robot is its content, model_sha256, wherever its file is.
+"""
 
 _BUDGET = "search.simulations"
 """The setting that may change in a study: its walks are the same, there are more or fewer."""
@@ -235,9 +238,12 @@ class Study:
                 told = difference(key, was.get(key), now.get(key))
                 raise StudyError(f"{folder} holds a study with {told}; {cure}")
         if found["model_sha256"] != wanted["model_sha256"]:
+            name = now.get("walk.model")
             raise StudyError(
-                f"{folder} holds a study of another version of {was.get('walk.model')}: the file "
-                f"has changed since; {cure}"
+                f"{folder} holds a study of another version of {name}: the file has changed since; "
+                f"{cure}"
+                if name == was.get("walk.model")
+                else f"{folder} holds a study of {was.get('walk.model')}, not of {name}; {cure}"
             )
         if (used := self._budget_used()) > now.get(_BUDGET, used):
             raise StudyError(

@@ -5,8 +5,9 @@ Walks are kept in grid.csv as they finish; an interrupted grid goes on with thos
 """
 
 import csv
+import functools
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -20,8 +21,9 @@ from drake_gait.files.strict_json import from_json, plain, to_json
 from drake_gait.gait import FloatArray, Gait
 from drake_gait.optimization import STARTING_TIME
 from drake_gait.problem.problem import Candidate, Trial
+from drake_gait.robot.description import RobotModel, read_model
 from drake_gait.search.seeding import Purpose, generator
-from drake_gait.simulation.simulate import walk_trial
+from drake_gait.simulation.simulate import try_out, walk_trial
 from drake_gait.sweep.anova import Effect, two_way
 from drake_gait.sweep.settings import Grid
 from drake_gait.visualization import sweep as sweep_figures
@@ -63,22 +65,25 @@ def run_grid(grid: Grid, out: Path, workers: int) -> str:
 
     Raises:
         StudyError: the folder holds another grid, or a file cannot be written.
+        ModelError: the robot cannot be used.
     """
-    path = out / "grid.csv"
+    path, model = out / "grid.csv", read_model(grid.settings.walk.model)
     try:
         make_folder(out)
-        _claim(grid, out / "grid.json")
+        _claim(grid, model, out / "grid.json")
         rows = _known(path)
         missing = [place for place in places(grid) if place not in rows]
         limit = grid.settings.walk.time_limit + STARTING_TIME
         if missing:
+            try_out(candidate(grid, missing[0]), replace(grid.settings.walk, model=model))
+            walk = functools.partial(walk_trial, model=model.for_walks())
             trials = [
                 Trial(candidate=candidate(grid, place), settings=grid.settings.walk)
                 for place in missing
             ]
             with (
                 path.open("a", newline="", encoding="utf-8") as file,
-                LocalProcesses(walk_trial, count=workers, time_limit=limit) as processes,
+                LocalProcesses(walk, count=workers, time_limit=limit) as processes,
             ):
                 writer = csv.writer(file, lineterminator="\n")
                 for finished in processes.run(trials):
@@ -91,7 +96,7 @@ def run_grid(grid: Grid, out: Path, workers: int) -> str:
         raise StudyError(f"cannot write into {out}: {error.strerror}") from None
 
 
-def _claim(grid: Grid, path: Path) -> None:
+def _claim(grid: Grid, model: RobotModel, path: Path) -> None:
     """Write what the grid is, or refuse a folder that holds another one."""
     wanted = plain(
         {
@@ -99,6 +104,7 @@ def _claim(grid: Grid, path: Path) -> None:
             "axes": [asdict(axis) for axis in grid.axes],
             "gaits_deg": [gait.degrees.tolist() for gait in grid.gaits],
             "noise_deg": grid.noise_deg,
+            "model_sha256": model.sha256,
         }
     )
     walks = path.with_suffix(".csv")
@@ -117,6 +123,8 @@ def _claim(grid: Grid, path: Path) -> None:
             f"{path} is damaged, so that the grid of {walks.name} is not known; remove both, or "
             "give --out for another folder"
         ) from None
+    if isinstance(found, dict):
+        found.setdefault("model_sha256", model.sha256)  # Older grids do not say.
     if found != wanted:
         raise StudyError(f"{path.parent} holds another grid; give --out for another folder")
 

@@ -35,17 +35,18 @@ from drake_gait.errors import SettingsError
 from drake_gait.files.text import read_text
 from drake_gait.foot import FootDesign
 from drake_gait.gait import Gait
+from drake_gait.robot.description import located
 from drake_gait.study._toml import folder_name, parse_toml, text
 from drake_gait.study.centre import whole_path
 from drake_gait.study.earlier_study import earlier_winner
-from drake_gait.study.settings import StudySettings, read_study, study_settings
+from drake_gait.study.reading import read_study
+from drake_gait.study.settings import StudySettings, study_settings
 
 Overrides = Mapping[tuple[str, str], Any]
 
 OUTPUTS = ("sweep.csv", "sweep.json", "sweep.png", "pareto.png", "sweep.lock")
 """Files that a sweep writes beside the folders of its variants."""
 
-_LONGEST_NAME = 200  # Of a folder [bytes]; file systems take 255.
 _SWEEP_KEYS = ("name", "question", "base", "seeds")
 _GRID_KEYS = ("replicas", "noise_deg", "results", "coefficients_deg", "axes")
 
@@ -287,13 +288,16 @@ def _seeds(seeds: Any) -> list[int]:
 
 def _overrides(name: str, values: Any, folder: Path) -> dict[tuple[str, str], Any]:
     """Settings by section and key; what is relative to the sweep's file is made absolute."""
-    return {
+    found = {
         (section, key): _from_folder(folder, value)
         if (section, key) == ("box", "centre_from")
         else value
         for section, keys in _table(name, values).items()
         for key, value in _table(f"{name}.{section}", keys).items()
     }
+    if isinstance(model := found.get(("walk", "model")), str):
+        found["walk", "model"] = located(model, folder)  # From the sweep's folder.
+    return found
 
 
 def _from_folder(folder: Path, value: Any) -> Any:

@@ -1,7 +1,6 @@
 """A walk while it is simulated, in every browser that is connected to Meshcat."""
 
 import time
-from pathlib import Path
 
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
@@ -9,6 +8,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from drake_gait.foot import FootDesign
 from drake_gait.gait import FRAME_TIME, FloatArray
+from drake_gait.robot.description import Model
 from drake_gait.servo import Servo
 from drake_gait.simulation.plant import add_robot
 from drake_gait.visualization.meshcat import (
@@ -28,7 +28,7 @@ class Screen:
     It belongs to the thread of its Meshcat, `scene.with_meshcat`.
     """
 
-    def __init__(self, meshcat: Meshcat, model: str | Path, foot: FootDesign) -> None:
+    def __init__(self, meshcat: Meshcat, model: Model, foot: FootDesign) -> None:
         builder = DiagramBuilder()
         self._plant, scene_graph = add_robot(builder, model, foot, Servo())
         parameters = MeshcatVisualizerParams(prefix="robot", publish_period=FRAME_TIME)

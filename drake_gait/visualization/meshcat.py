@@ -10,7 +10,6 @@ import time
 import traceback
 import weakref
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -32,6 +31,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from drake_gait.errors import GaitError, SettingsError
 from drake_gait.gait import FRAME_TIME, FloatArray
 from drake_gait.problem.problem import Candidate
+from drake_gait.robot.description import Model
 from drake_gait.servo import Servo
 from drake_gait.simulation.plant import add_robot
 from drake_gait.walk import History
@@ -174,7 +174,7 @@ def animate_robot(
     meshcat: Meshcat,
     history: History,
     candidate: Candidate,
-    model: str | Path,
+    model: Model,
     prefix: str = "",
 ) -> None:
     """Pose the links at every frame.
@@ -200,7 +200,7 @@ def animate_robot(
         diagram.ForcedPublish(context)
 
 
-def _check_positions(history: History, plant: MultibodyPlant, model: str | Path) -> None:
+def _check_positions(history: History, plant: MultibodyPlant, model: Model) -> None:
     if history.positions.shape[1] != plant.num_positions():
         raise SettingsError(
             f"the walk has {history.positions.shape[1]} positions, the robot {model} has "

@@ -2,18 +2,32 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydrake.geometry import Box, Cylinder, Role, SceneGraphInspector
+from pydrake.geometry import (
+    Box,
+    Capsule,
+    Convex,
+    Cylinder,
+    Ellipsoid,
+    Mesh,
+    Rgba,
+    Role,
+    SceneGraphInspector,
+    Sphere,
+)
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
+from scipy.spatial import ConvexHull, QhullError
 
-from drake_gait.errors import SettingsError
+from drake_gait.errors import ModelError, SettingsError
+from drake_gait.foot import FootDesign
 from drake_gait.gait import FloatArray
 from drake_gait.problem.problem import Candidate
+from drake_gait.robot.description import Model
 from drake_gait.servo import Servo
+from drake_gait.simulation.messages import drake_messages, without_folders
 from drake_gait.simulation.plant import add_robot
 from drake_gait.visualization.rasterizer import (
     FROM_AHEAD,
@@ -25,6 +39,8 @@ from drake_gait.visualization.rasterizer import (
 from drake_gait.walk import DEFAULT_MODEL, History
 
 _ROUND = 32  # sides of a drawn cylinder
+_UNPAINTED = Rgba(0.7, 0.7, 0.7)
+_POINTS = 200  # of a drawn ball
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,7 +59,7 @@ def pictures(
     frames: Sequence[int],
     candidate: Candidate,
     *,
-    model: str | Path = DEFAULT_MODEL,
+    model: Model = DEFAULT_MODEL,
     towards: Direction = FROM_THE_RIGHT,
 ) -> list[Picture]:
     """The robot at some frames of a walk.
@@ -69,7 +85,7 @@ def chronophotograph(
     frames: Sequence[int],
     candidate: Candidate,
     *,
-    model: str | Path = DEFAULT_MODEL,
+    model: Model = DEFAULT_MODEL,
     towards: Direction = FROM_AHEAD,
 ) -> Picture:
     """The robot at some frames of a walk, in one picture, as Marey photographed walkers.
@@ -85,7 +101,7 @@ def chronophotograph(
 
 
 def _solids(
-    history: History, frames: Sequence[int], candidate: Candidate, model: str | Path
+    history: History, frames: Sequence[int], candidate: Candidate, model: Model
 ) -> Iterator[tuple[list[FloatArray], list[FloatArray]]]:
     """Triangles (n, 3, 3) [m] in the world, and colours, of every part at every frame."""
     builder = DiagramBuilder()
@@ -108,7 +124,7 @@ def _solids(
 
 
 def _parts(plant: MultibodyPlant, inspector: SceneGraphInspector) -> Iterator[_Part]:
-    """The robot's boxes and cylinders; the ground and shapes of other kinds are left out."""
+    """What is seen of the robot; shapes of other kinds than box and cylinder as their hulls."""
     for geometry in inspector.GetAllGeometryIds(Role.kIllustration):
         shape = inspector.GetShape(geometry)
         if isinstance(shape, Box):
@@ -121,15 +137,65 @@ def _parts(plant: MultibodyPlant, inspector: SceneGraphInspector) -> Iterator[_P
             radius, half = shape.radius(), shape.length() / 2.0
             triangles = _prism(outline, 1.0) * (radius, radius, half)
         else:
-            continue
+            triangles = _hull(shape)
         X_LG = inspector.GetPoseInFrame(geometry)
         properties: Any = inspector.GetIllustrationProperties(geometry)
-        rgba = properties.GetProperty("phong", "diffuse")
+        painted = properties.HasProperty("phong", "diffuse")
+        rgba = properties.GetProperty("phong", "diffuse") if painted else _UNPAINTED
         yield _Part(
             link=plant.GetBodyFromFrameId(inspector.GetFrameId(geometry)),
             triangles=triangles @ X_LG.rotation().matrix().T + X_LG.translation(),
             colour=np.array([rgba.r(), rgba.g(), rgba.b()]),
         )
+
+
+def check_looks(model: Model, foot: FootDesign) -> None:
+    """Refuse a robot whose shapes cannot be shown.
+
+    Raises:
+        ModelError: it has one.
+    """
+    plant, scene_graph = add_robot(DiagramBuilder(), model, foot, Servo())
+    with drake_messages() as messages:
+        try:
+            shown = list(_parts(plant, scene_graph.model_inspector()))
+        except RuntimeError as error:
+            messages.append(str(error).strip().splitlines()[0])
+    if messages:
+        complaint = without_folders(messages[0])
+        raise ModelError(f"{model}: a shape of it cannot be shown: {complaint}; mend its mesh")
+    if not any(len(part.triangles) for part in shown):
+        raise ModelError(f"{model}: nothing of it can be seen; give its links a <visual>")
+
+
+def _hull(shape: Any) -> FloatArray:
+    """Triangles of a shape's convex hull, shape (n, 3, 3), counter-clockwise from outside."""
+    # Points all over a ball, evenly: Fibonacci's spiral.
+    number = np.arange(_POINTS) + 0.5
+    height, turn = 1.0 - 2.0 * number / _POINTS, np.pi * (1.0 + 5.0**0.5) * number
+    ring = np.sqrt(1.0 - height**2)
+    ball = np.column_stack([ring * np.cos(turn), ring * np.sin(turn), height])
+    if isinstance(shape, Mesh | Convex):
+        mesh = shape.GetConvexHull()
+        points = np.array([mesh.vertex(index) for index in range(mesh.num_vertices())])
+    elif isinstance(shape, Sphere):
+        points = shape.radius() * ball
+    elif isinstance(shape, Ellipsoid):
+        points = ball * (shape.a(), shape.b(), shape.c())
+    elif isinstance(shape, Capsule):
+        end = np.array([0.0, 0.0, shape.length() / 2.0])
+        points = np.concatenate([shape.radius() * ball + end, shape.radius() * ball - end])
+    else:
+        return np.zeros((0, 3, 3))
+    try:
+        hull = ConvexHull(points)
+    except QhullError:
+        return np.zeros((0, 3, 3))  # It is flat.
+    triangles: FloatArray = points[hull.simplices]
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    inside_out = np.einsum("ij,ij->i", normals, hull.equations[:, :3]) < 0.0
+    triangles[inside_out] = triangles[inside_out][:, ::-1]
+    return triangles
 
 
 def _prism(outline: Any, half_height: float) -> FloatArray:

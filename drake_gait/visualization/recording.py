@@ -20,6 +20,7 @@ from drake_gait.errors import SettingsError
 from drake_gait.files.destination import write
 from drake_gait.gait import FRAME_TIME
 from drake_gait.problem.problem import Candidate
+from drake_gait.robot.description import Model
 from drake_gait.visualization.meshcat import (
     FORCE_SCALE,
     ROBOT_HEIGHT,
@@ -47,7 +48,7 @@ class Exhibit:
     """What walked."""
     label: str
     """What is written beside it."""
-    model: str | Path = DEFAULT_MODEL
+    model: Model = DEFAULT_MODEL
     """The robot description that walked."""
 
 
@@ -56,7 +57,7 @@ def record(
     candidate: Candidate,
     path: Path,
     *,
-    model: str | Path = DEFAULT_MODEL,
+    model: Model = DEFAULT_MODEL,
     caption: str = "",
 ) -> None:
     """Write a walk as one self-contained HTML page.
@@ -143,7 +144,7 @@ def _begin(meshcat: Meshcat) -> None:
 
 
 def _show(
-    meshcat: Meshcat, history: History, candidate: Candidate, model: str | Path, prefix: str = ""
+    meshcat: Meshcat, history: History, candidate: Candidate, model: Model, prefix: str = ""
 ) -> None:
     """Put one walk into the scene, everything of it below `prefix`."""
     draw_floor(meshcat, history, prefix)

@@ -14,8 +14,8 @@ import pytest
 
 from drake_gait.cli import optimize
 from drake_gait.cli.optimize import main, parse
+from drake_gait.study.reading import default_study
 from drake_gait.study.records import CONFIRMATIONS
-from drake_gait.study.settings import default_study
 from drake_gait.study.store import Study
 
 # Of the paper's study: among so few walks of it some are feasible.
@@ -151,7 +151,7 @@ def study_of(paper_study, tmp_path):
 def test_a_robot_that_does_not_exist_is_one_line_with_those_that_do(capsys, study_of, tmp_path):
     out = tmp_path / "run"
     text = refused(capsys, study_of("khr4hv.sdf"), "--out", out)
-    assert "'khr4hv.sdf'" in text
+    assert "khr4hv.sdf'" in text
     assert "khr3hv.sdf" in text
     assert not out.exists()
 
@@ -162,7 +162,7 @@ def test_a_robot_that_does_not_exist_is_one_line_with_those_that_do(capsys, stud
         ("", "broken.sdf is not a well-formed SDF file"),
         ("<sdf", "broken.sdf is not a well-formed SDF file"),
         ("Not XML at all.", "broken.sdf is not a well-formed SDF file"),
-        ("<sdf version='1.9'></sdf>", "no link 'foot_r'"),
+        ("<sdf version='1.9'></sdf>", "must be one <model>, got 0"),
         (None, "broken.sdf is not a well-formed SDF file"),
     ],
     ids=["empty", "one tag", "text", "no model", "cut in half"],

@@ -10,6 +10,7 @@ from browser import in_a_browser, opened
 from drake_gait.cli import replay
 from drake_gait.cli.replay import main
 from drake_gait.report.result import in_words
+from drake_gait.robot.description import read_model
 from drake_gait.search.confirmation import walked_as
 from drake_gait.simulation.simulate import simulate
 from drake_gait.study.finalists import winner
@@ -109,11 +110,10 @@ def test_a_folder_that_does_not_exist_is_one_line_with_the_command_that_makes_on
     assert not (tmp_path / "nowhere").exists()
 
 
-def test_a_study_without_walks_is_one_line(capsys, tmp_path, study, monkeypatch):
-    monkeypatch.setattr(replay, "file_sha256", lambda path: "abc")
-    with Study.create(
-        tmp_path / "study.db", {"settings": study.description(), "model_sha256": "abc"}
-    ):
+def test_a_study_without_walks_is_one_line(capsys, tmp_path, study):
+    model = read_model()
+    description = {"settings": study.description(), "model_sha256": model.sha256}
+    with Study.create(tmp_path / "study.db", description):
         pass
     assert "no walks yet" in refused(capsys, tmp_path, "--out", tmp_path / "walk.html")
 

@@ -27,12 +27,12 @@ for child in children:
 """
 
 SLEEPER = """
-import signal, sys, time
+import os, signal, sys, time
 from drake_gait import parent
 
 {beginning}
 try:
-    print("sleeps", sys.argv[1:], __name__, flush=True)
+    os.write(1, f"sleeps {{sys.argv[1:]}} {{__name__}}\\n".encode())
     time.sleep(300.0)
 finally:
     print("put in order", flush=True)

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_gait.errors import SettingsError
+from drake_gait.files.strict_json import from_json
 from drake_gait.files.text import decode, read_text
-from drake_gait.study._toml import coefficients_of_result
-from drake_gait.study.settings import default_study, read_study
+from drake_gait.study.reading import default_study, read_study
 from drake_gait.sweep.settings import read_sweep
 
 ENCODINGS = {
@@ -54,7 +54,7 @@ def test_a_study_a_sweep_and_a_result_are_read_in_every_encoding(encoding, tmp_p
     assert read_sweep(tmp_path / "sweep.toml").variants == ("🤖",)
     result = json.dumps({"coefficients_deg": [1.0], "question": "🤖"}, ensure_ascii=False)
     (tmp_path / "result.json").write_bytes(mark + result.encode(encoding))
-    assert coefficients_of_result(tmp_path / "result.json") == [1.0]
+    assert from_json((tmp_path / "result.json").read_bytes())["coefficients_deg"] == [1.0]
 
 
 @pytest.mark.parametrize(

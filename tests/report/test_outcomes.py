@@ -16,6 +16,7 @@ from drake_gait.report import build as outputs
 from drake_gait.report.build import write_outputs
 from drake_gait.report.page import Run, read_result, write_comparison_page
 from drake_gait.report.result import in_words, manner_in_words, robust_table, summary, verdict
+from drake_gait.robot.description import read_model
 from drake_gait.study.records import CONFIRMATION, CONFIRMATIONS
 from drake_gait.study.store import Study
 from drake_gait.sweep.settings import PlannedStudy, Sweep
@@ -112,7 +113,10 @@ def test_the_console_counts_search_walks_and_announces_what_is_there(
     again = dataclasses.replace(
         walks[1], id=CONFIRMATIONS, stage=CONFIRMATION, nominal=1, variation=1
     )
-    with Study.create(tmp_path / "study.db", {"settings": study.description()}) as opened:
+    with Study.create(
+        tmp_path / "study.db",
+        {"settings": study.description(), "model_sha256": read_model().sha256},
+    ) as opened:
         for walk in (*walks, again):
             opened.add(walk)
         opened.set("wall_s", 1.0)
@@ -125,7 +129,8 @@ def test_the_console_counts_search_walks_and_announces_what_is_there(
 
 def test_a_study_without_walks_has_a_report_too(study, tmp_path, capsys):
     Study.create(
-        tmp_path / "study.db", {"settings": study.description(), "model_sha256": ""}
+        tmp_path / "study.db",
+        {"settings": study.description(), "model_sha256": read_model().sha256},
     ).close()
     assert report([str(tmp_path)]) == 0
     assert capsys.readouterr().out == f"{tmp_path / 'report.html'}\n"

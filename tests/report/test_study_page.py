@@ -7,7 +7,7 @@ import pytest
 
 from drake_gait.errors import SettingsError
 from drake_gait.study.keys import KEYS
-from drake_gait.study.settings import default_study, read_override, read_study
+from drake_gait.study.reading import default_study, read_override, read_study
 from drake_gait.study.store import SCHEMA, Study
 from drake_gait.walk import _CAUSES
 

@@ -14,11 +14,12 @@ from pydrake.systems.framework import Context, DiagramBuilder
 from drake_gait import Candidate, FootDesign, Gait, WalkSettings, simulate
 from drake_gait.foot import N_MM_PER_DEG
 from drake_gait.gait import FRAMES, JOINTS, FloatArray
+from drake_gait.robot.sdf import TOE_HINGES
 from drake_gait.servo import Servo
 from drake_gait.simulation.observer import Observer, swing_clearance
-from drake_gait.simulation.plant import TOE_HINGES, Robot, add_ground, build_robot
+from drake_gait.simulation.plant import Robot, add_ground, build_robot
 from drake_gait.simulation.simulate import follow, start
-from drake_gait.study.settings import default_study, read_study
+from drake_gait.study.reading import default_study, read_study
 from drake_gait.walk import Fidelity, Integrator
 
 STANDING_STILL = np.zeros((FRAMES + 1, len(JOINTS)))

@@ -18,18 +18,11 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_gait.errors import ModelError
 from drake_gait.foot import FOOT_WIDTH, TOE_GAP, FootDesign
 from drake_gait.gait import JOINTS
+from drake_gait.robot.description import model_path, models_folder
+from drake_gait.robot.sdf import TOE_HINGES, with_friction
+from drake_gait.robot.sdf_checks import tree
 from drake_gait.servo import Servo
-from drake_gait.simulation.plant import (
-    GROUND_FRICTION,
-    TOE_HINGES,
-    Robot,
-    add_robot,
-    build_robot,
-    model_path,
-    models_folder,
-    sole_corners,
-    with_friction,
-)
+from drake_gait.simulation.plant import GROUND_FRICTION, Robot, add_robot, build_robot, sole_corners
 
 ROOT = Path(__file__).parents[2]
 FILES = ("khr3hv.sdf", "khr3hv_cad.sdf")
@@ -171,20 +164,26 @@ def test_sole_and_ground_combine_to_the_papers_friction_times_the_factor(
                 assert combined == pytest.approx(factor * wanted, abs=3e-6)
 
 
+def with_other_friction(content: bytes, *factors: float) -> str:
+    root = tree(content)
+    for factor in factors:
+        with_friction(root, factor, GROUND_FRICTION)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
 def test_a_friction_of_one_leaves_the_description_alone() -> None:
-    text = model_path().read_text()
-    assert with_friction(text, 1.0) is text
-    changed = with_friction(text, 0.9)
+    content = model_path().read_bytes()
+    same, changed = (with_other_friction(content, factor) for factor in (1.0, 0.9))
+    assert same == ElementTree.tostring(tree(content), encoding="unicode")
     frictions = re.compile(r"(<drake:mu_\w+>)[^<]*")
-    assert len(frictions.findall(changed)) == len(frictions.findall(text)) > 0
+    assert len(frictions.findall(changed)) == len(frictions.findall(same)) > 0
     # Nothing else is another: what stands between the tags of friction does not count.
-    same = [ElementTree.canonicalize(frictions.sub(r"\1", one)) for one in (text, changed)]
-    assert same[0] == same[1]
+    assert frictions.sub(r"\1", same) == frictions.sub(r"\1", changed) != same
 
 
 def test_frictions_multiply() -> None:
-    text = model_path().read_text()
-    once, twice = with_friction(text, 0.6), with_friction(with_friction(text, 0.8), 0.75)
+    content = model_path().read_bytes()
+    once, twice = with_other_friction(content, 0.6), with_other_friction(content, 0.8, 0.75)
     numbers = re.compile(r"<drake:mu_\w+>([^<]*)")
     found = [[float(value) for value in numbers.findall(one)] for one in (once, twice)]
     assert found[0] == pytest.approx(found[1])
@@ -207,7 +206,8 @@ def test_a_friction_that_cannot_be_multiplied_is_refused_in_one_line(
     model.write_text(re.sub(pattern, rf"\g<1>{value}", text))
     with pytest.raises(ModelError) as refusal:
         build_robot(model, FootDesign(), Servo(), friction=factor)
-    assert str(refusal.value).startswith(f"{model}: {complaint}")
+    assert str(refusal.value).startswith(f"{model}")
+    assert complaint in str(refusal.value)
     assert "\n" not in str(refusal.value)
 
 

@@ -10,9 +10,11 @@ from pydrake.systems.framework import DiagramBuilder
 
 from drake_gait import FootDesign
 from drake_gait.gait import JOINTS
+from drake_gait.robot.description import model_path
+from drake_gait.robot.sdf import TOE_HINGES
 from drake_gait.servo import Servo
 from drake_gait.simulation.collision import box_corners, out_of_reach
-from drake_gait.simulation.plant import TOE_HINGES, add_robot, model_path
+from drake_gait.simulation.plant import add_robot
 from drake_gait.walk import FALL_HEIGHT, FALL_TILT
 
 MODELS = ("khr3hv.sdf", "khr3hv_cad.sdf")

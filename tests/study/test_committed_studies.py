@@ -6,11 +6,12 @@ import re
 import pytest
 
 from drake_gait.provenance import file_sha256
+from drake_gait.robot.description import model_path
 from drake_gait.search.confirmation import walked_as
-from drake_gait.simulation.plant import model_path, stall_torques
+from drake_gait.simulation.plant import stall_torques
 from drake_gait.simulation.simulate import simulate
 from drake_gait.study.finalists import finalists, winner
-from drake_gait.study.settings import read_study
+from drake_gait.study.reading import read_study
 from drake_gait.study.store import Study
 from drake_gait.walk import Integrator, WalkSettings
 

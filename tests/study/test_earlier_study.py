@@ -16,8 +16,8 @@ from drake_gait.gait import ANGLE_LIMITS, Gait
 from drake_gait.optimization import is_finished, open_study
 from drake_gait.problem.problem import Candidate
 from drake_gait.report.result import summary
+from drake_gait.study.reading import read_study
 from drake_gait.study.records import StudyWalk
-from drake_gait.study.settings import read_study
 from drake_gait.study.store import Study
 from drake_gait.study.toml import study_toml
 from drake_gait.sweep.settings import read_sweep
@@ -162,7 +162,9 @@ def test_what_is_no_earlier_study_is_one_line_with_its_path(tmp_path, content, t
 
 
 def test_a_study_without_walks_is_told_so(earlier, tmp_path, study):
-    Study.create(tmp_path / "empty" / "study.db", {"settings": study.description()}).close()
+    Study.create(
+        tmp_path / "empty" / "study.db", {"settings": study.description(), "model_sha256": ""}
+    ).close()
     with pytest.raises(SettingsError, match=r"empty/study\.db has no walk yet"):
         second(tmp_path, "empty")
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from drake_gait.cli import optimize
 from drake_gait.errors import SettingsError
 from drake_gait.study._toml import as_toml
-from drake_gait.study.settings import default_study, read_override, read_study
+from drake_gait.study.reading import default_study, read_override, read_study
 from drake_gait.sweep.settings import read_sweep
 
 ANY_TEXT = st.text(st.characters(exclude_categories=["Cs"]))

@@ -8,7 +8,7 @@ from conftest import MINIMAL, run
 
 from drake_gait.errors import SettingsError
 from drake_gait.optimization import open_study
-from drake_gait.study.settings import read_study
+from drake_gait.study.reading import read_study
 from drake_gait.study.store import Study
 from drake_gait.study.toml import study_toml
 from drake_gait.surrogates import ensemble as surrogate

@@ -8,13 +8,9 @@ import pytest
 from conftest import MINIMAL
 
 from drake_gait.errors import SettingsError
+from drake_gait.study.reading import default_study, read_override, read_study
 from drake_gait.study.search_settings import SearchSettings
-from drake_gait.study.settings import (
-    default_study,
-    read_override,
-    read_study,
-    study_settings,
-)
+from drake_gait.study.settings import study_settings
 from drake_gait.walk import Fidelity
 
 EVERY_KEY = """

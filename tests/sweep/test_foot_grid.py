@@ -11,6 +11,7 @@ from drake_gait.errors import StudyError
 from drake_gait.execution.local import Serial
 from drake_gait.foot import FootDesign
 from drake_gait.gait import Gait
+from drake_gait.robot.description import model_path
 from drake_gait.sweep import grid as foot_grid
 from drake_gait.sweep.grid import candidate, places, run_grid
 from drake_gait.sweep.settings import Axis, Grid
@@ -41,7 +42,8 @@ def walked(monkeypatch):
     """Candidates that were walked; a stiffer toe walks further, and the second gait falls once."""
     seen = []
 
-    def walk(trial):
+    def walk(trial, model):
+        assert model.name == trial.settings.model
         asked = trial.candidate
         seen.append(asked)
         noise = asked.gait.degrees[0, 0] - round(asked.gait.degrees[0, 0])
@@ -159,9 +161,9 @@ def test_where_too_few_walks_survive_the_analysis_alone_is_left_out(
 ):
     walk = foot_grid.walk_trial
 
-    def mostly_falls(trial):
+    def mostly_falls(trial, model=None):
         fell = len(walked) >= survivors
-        found = walk(trial)
+        found = walk(trial, model)
         return dataclasses.replace(found, outcome=Outcome.FELL if fell else Outcome.WALKED)
 
     monkeypatch.setattr(foot_grid, "walk_trial", mostly_falls)
@@ -181,3 +183,16 @@ def test_more_replicas_go_on_with_a_grid_and_another_grid_is_refused(grid, walke
     assert len(walked) == 48
     with pytest.raises(StudyError, match=r"holds another grid; give --out"):
         run_grid(dataclasses.replace(grid, noise_deg=0.1), tmp_path, 1)
+
+
+def test_a_grid_of_another_robot_is_another_grid(grid, walked, tmp_path):
+    robot = tmp_path / "mine.sdf"
+    robot.write_bytes(model_path().read_bytes())
+    walk = dataclasses.replace(grid.settings.walk, model=str(robot))
+    other = dataclasses.replace(
+        grid, settings=dataclasses.replace(grid.settings, walk=walk), replicas=1
+    )
+    run_grid(other, tmp_path / "out", 1)
+    robot.write_text(robot.read_text().replace(">1.373<", ">1.3<"))
+    with pytest.raises(StudyError, match=r"holds another grid; give --out"):
+        run_grid(other, tmp_path / "out", 1)

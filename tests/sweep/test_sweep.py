@@ -94,10 +94,10 @@ def test_a_variant_changes_what_it_says_and_nothing_else(write):
         ("[0, 7]", "[]", r"different whole numbers >= 0, got \[\]"),
         ("[0, 7]", "[true]", r"whole numbers >= 0, got \[True\]"),
         ("[variants.rigid]", '[variants."../rigid"]', "must do as a folder's name"),
-        ("[variants.rigid]", '[variants."a\\u0007b"]', "must do as a folder's name"),
+        ("[variants.rigid]", '[variants."a\\u0007b"]', "text that can be printed.*U\\+0007"),
         ("[variants.rigid]", '[variants.""]', "must do as a folder's name"),
-        ("[variants.rigid]", f"[variants.{'x' * 300}]", "200 bytes at most.*'xxx.* of 300"),
-        ("[variants.rigid]", f"[variants.'{'ä' * 101}']", "200 bytes at most.* of 202"),
+        ("[variants.rigid]", f"[variants.{'x' * 300}]", "255 bytes at most.*'xxx.* has 300"),
+        ("[variants.rigid]", f"[variants.'{'ä' * 151}']", "255 bytes at most.* has 302"),
         ("[variants.rigid]", "[variants.TOES]", "folder of variant 'TOES' could be that of toes"),
         ("[variants.rigid]", '[variants."sweep.json"]', "could be that of the sweep's sweep.json"),
         ("[variants.rigid]", "[variants.toes]", "is not TOML"),
@@ -404,7 +404,7 @@ def test_a_study_that_is_refused_ends_the_sweep_with_its_reason(write, tmp_path,
     assert main([str(write(text)), "--workers", "1", "--out", str(tmp_path / "out")]) == 2
     error = capsys.readouterr().err
     assert re.match(
-        r"error: .*toes/seed-0 ended with status 2.*'no robot description 'none\.sdf'", error
+        r"error: .*toes/seed-0 ended with status 2.*'no robot description '.*none\.sdf'", error
     )
     assert error.count("\n") == 1
 

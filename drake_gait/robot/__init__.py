@@ -1,0 +1,1 @@
+"""Robot descriptions: found, read once and checked, without Drake."""
