@@ -23,9 +23,12 @@ LAYERS = (
     ("visualization", "study", "execution"),
     ("simulation", "surrogates"),
     ("problem", "optimizers"),
+    ("robot",),
     ("walk",),
-    ("gait", "foot", "servo"),
-    ("errors", "provenance"),
+    ("gait",),
+    ("foot", "servo"),
+    ("arrays", "ranges", "files", "provenance"),
+    ("errors",),
 )
 """Folders and modules of the package, the highest first: imports go to lower layers only."""
 
@@ -33,7 +36,7 @@ ENTRANCE = {"__init__"}
 """The front door, which imports from every layer when a name is first used."""
 
 WALLS = {
-    "pydrake": {"simulation", "visualization", "cli"},
+    "pydrake": {"robot", "simulation", "visualization", "cli"},
     "torch": {"surrogates"},
     "sklearn": {"surrogates"},
     "sqlite3": {"study"},

@@ -5,11 +5,6 @@ adds the walks that it lacks, in a database such as sqlite:///optuna.db. Running
 exported as well.
 """
 
-from drake_gait.cli._signals import begin, leave
-
-if __name__ == "__main__":
-    begin()  # Before the slow imports.
-
 import argparse
 import csv
 import io
@@ -72,7 +67,3 @@ def _to_optuna(study: Study, url: str, name: str | None) -> None:
     name = name or study.path.resolve().parent.name
     added, there = export_to_optuna(study, url, name)
     print(f"{shown(url)}, study {name}: {added} walks added, {there} were there")
-
-
-if __name__ == "__main__":
-    leave(main())

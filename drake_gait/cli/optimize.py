@@ -6,11 +6,6 @@ leaves study.db (every walk), report.html (what came out), result.json, walk.htm
 and figures.
 """
 
-from drake_gait.cli._signals import begin, leave
-
-if __name__ == "__main__":
-    begin()  # Before the slow imports.
-
 import argparse
 import functools
 from collections.abc import Callable, Sequence
@@ -163,7 +158,3 @@ def _write_results(settings: StudySettings, study: Study, folder: Path) -> None:
     if written.replayed is not None and written.replayed.measures is not None:
         print(f"how it walks: {manner_in_words(written.replayed.measures)}")
     print(f"{folder}: {', '.join(written.files)}")
-
-
-if __name__ == "__main__":
-    leave(main())

@@ -6,11 +6,6 @@ the best walks of several studies side by side into one page, for example of sev
 --rigid-toes puts every walk beside itself on a foot whose toes cannot bend.
 """
 
-from drake_gait.cli._signals import begin, leave
-
-if __name__ == "__main__":
-    begin()  # Before the slow imports.
-
 import argparse
 import dataclasses
 import sys
@@ -206,7 +201,3 @@ def _find(walks: list[StudyWalk], number: int) -> StudyWalk:
         f"no walk {number}; the study has walks 0 to {last}, and from {CONFIRMATIONS} on those "
         "that confirm"
     )
-
-
-if __name__ == "__main__":
-    leave(main())

@@ -4,11 +4,6 @@ One run: its figures, recording, result.json and report.html are made anew from 
 that is still running is shown as far as it is. Several runs: one page with them side by side.
 """
 
-from drake_gait.cli._signals import begin, leave
-
-if __name__ == "__main__":
-    begin()  # Before the slow imports.
-
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
@@ -76,7 +71,3 @@ def _run(folder: Path) -> Run:
         result=read_result(folder),
         walks=walks,
     )
-
-
-if __name__ == "__main__":
-    leave(main())

@@ -5,11 +5,6 @@ side, with the settings that differ. Running studies can be looked at as well. -
 same for other programs, in SI units.
 """
 
-from drake_gait.cli._signals import begin, leave
-
-if __name__ == "__main__":
-    begin()  # Before the slow imports.
-
 import argparse
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -204,7 +199,3 @@ def _aligned(rows: Sequence[Sequence[str]]) -> str:
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
         for row in rows
     )
-
-
-if __name__ == "__main__":
-    leave(main())

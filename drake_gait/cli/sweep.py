@@ -6,11 +6,6 @@ holds sweep.csv and sweep.json, a row for each study, and a figure; a grid's hol
 for each walk, anova.json and a figure.
 """
 
-from drake_gait.cli._signals import begin, leave
-
-if __name__ == "__main__":
-    begin()  # Before the slow imports.
-
 import argparse
 import os
 import shlex
@@ -257,7 +252,3 @@ def _write_results(sweep: Sweep, out: Path) -> None:
     print("median over the seeds (lowest to highest); p against the first variant")
     drawn = [name for name in ("sweep.png", "pareto.png") if (out / name).is_file()]
     print(f"{out}: {', '.join(['sweep.csv', 'sweep.json', *drawn])}, and a folder for each study")
-
-
-if __name__ == "__main__":
-    leave(main())

@@ -1,6 +1,6 @@
 """Evolution: the state of a run of ISADE, told one generation after another.
 
-docs/isade.md has the choice of every constant.
+docs/experiments/2026-11-22-isade-choices.md has the choice of every constant.
 """
 
 from collections.abc import Iterable, Mapping

@@ -1,1 +1,1 @@
-"""Robot descriptions: found, read once and checked, without Drake."""
+"""Robot descriptions: found, read once and checked."""

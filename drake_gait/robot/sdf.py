@@ -28,9 +28,9 @@ PROXIMITY = "drake:proximity_properties"
 
 _OTHER_FORMATS = {
     "robot": "a URDF; walks need SDFormat: `gz sdf -p robot.urdf > robot.sdf` writes it, and "
-    "docs/robot.md says what must be in it",
+    "docs/explanation/robot.md says what must be in it",
     "mujoco": "an MJCF; walks need SDFormat: `mjcf2sdf robot.xml robot.sdf` (gz-mujoco) writes it, "
-    "and docs/robot.md says what must be in it",
+    "and docs/explanation/robot.md says what must be in it",
 }
 
 

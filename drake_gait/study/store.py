@@ -10,7 +10,7 @@ Tables (schema 3; SI units, angles in radians, numbers as full doubles):
                             when it finished and how long it took
 
 `pandas.DataFrame(Study.open("runs/steady").table())` has all of it, and any SQLite tool reads it;
-docs/studies.md lists the columns. The driver is the only writer and commits each walk as it
+docs/reference/study.md lists the columns. The driver is the only writer and commits each walk as it
 finishes; how, and what a copy of the file holds, says `database`.
 
 A change of the columns is a new schema. Older ones down to schema 2 are read, with nothing in the
@@ -313,7 +313,7 @@ class Study:
         Returns:
             Every column of the file by its name, shape (n,): whole numbers as int64, others and
             those that a walk may lack as float64 (nan where it does), text as str. Units are those
-            of docs/studies.md.
+            of docs/reference/study.md.
         """
         names, rows = self.rows()
         columns = zip(*rows, strict=True) if rows else [()] * len(names)
