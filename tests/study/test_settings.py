@@ -5,51 +5,13 @@ import re
 
 import numpy as np
 import pytest
-from conftest import MINIMAL
+from conftest import EVERY_KEY, MINIMAL
 
 from drake_gait.errors import SettingsError
 from drake_gait.study.reading import default_study, read_override, read_study
 from drake_gait.study.search_settings import SearchSettings
 from drake_gait.study.settings import study_settings
 from drake_gait.walk import Fidelity
-
-EVERY_KEY = """
-[study]
-name = "every-key"
-question = "What if?"
-seed = 7
-[search]
-samples = 30
-simulations = 90
-batch = 6
-stagnation = 4
-[box]
-chosen = "by hand"
-centre_deg = [[0, -1, 3, 0], [13, -11, 8, 0], [16, -3, 14, 0], [8, 8, 8.5, 0]]
-half_width_deg = [[1, 1, 1, 1], [2, 2, 2, 2], [2, 2, 2, 2], [2, 2, 2, 2]]
-[constraints]
-lateral_mm = 15
-yaw_deg = 4.0
-com_height_mm = 240.0
-[walk]
-model = "khr3hv_cad.sdf"
-fidelity = "reference"
-time_limit_s = 30
-[servo]
-stiffness_n_m_per_rad = 12.0
-damping_n_m_s_per_rad = 0.15
-no_load_speed_rad_per_s = 7.0
-[foot]
-big_toe_stiffness_n_mm_per_deg = 1.0
-lesser_toes_stiffness_n_mm_per_deg = 0.5
-toe_damping_n_m_s_per_rad = 3e-4
-big_toe_width_mm = 25
-toe_length_mm = 20
-[design]
-big_toe_stiffness_n_mm_per_deg = [0.1, 2]
-toe_damping_n_m_s_per_rad = [1e-4, 1e-3]
-big_toe_width_mm = [10, 40]
-"""
 
 N_MM_PER_DEG = 0.001 / np.radians(1.0)
 

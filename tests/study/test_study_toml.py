@@ -9,10 +9,9 @@ import tomllib
 
 import numpy as np
 import pytest
-from conftest import MINIMAL
+from conftest import EVERY_KEY, MINIMAL
 from hypothesis import given
 from hypothesis import strategies as some
-from test_settings import EVERY_KEY
 
 from drake_gait.optimization import open_study
 from drake_gait.problem.problem import Constraints
