@@ -194,12 +194,7 @@ def test_the_front_door_lists_all_commands_with_what_they_do(capsys):
 
 def commands_of_the_package():
     modules = Path(command.__file__).parent.glob("*.py")
-    texts = {path.stem: path.read_text(encoding="utf-8") for path in modules}
-    return [
-        name
-        for name, text in texts.items()
-        if '__name__ == "__main__"' in text and name != "__main__"
-    ]
+    return [path.stem for path in modules if "def main(" in path.read_text(encoding="utf-8")]
 
 
 @pytest.mark.parametrize("name", ["optimise", "Studies", "--json", ""])
@@ -219,8 +214,8 @@ def run(*arguments, **options):
 
 
 def test_a_command_runs_by_the_front_door_as_by_its_own(tmp_path):
-    ours = run("drake_gait", "studies", "show", tmp_path)
-    theirs = run("drake_gait.cli.studies", "show", tmp_path)
+    ours = run("drake_gait", "optimize", tmp_path / "none.toml")
+    theirs = run("drake_gait.optimize", tmp_path / "none.toml")
     assert ours.returncode == theirs.returncode == 2
     assert ours.stderr == theirs.stderr != ""
     assert "--json" in run("drake_gait", "studies", "list", "--help").stdout
@@ -243,7 +238,7 @@ def test_a_help_that_nobody_reads_to_its_end_is_no_error():
 
 @pytest.mark.parametrize("name", front_door.COMMANDS)
 def test_a_help_names_what_an_option_takes(name, capsys):
-    main = importlib.import_module(f"drake_gait.{name}").main
+    main = importlib.import_module(f"drake_gait.cli.{name}").main
     with pytest.raises(SystemExit) as ended:
         main(["--help"])
     assert ended.value.code == 0
