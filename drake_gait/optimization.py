@@ -18,8 +18,9 @@ from drake_gait.foot import SIZES, FootDesign
 from drake_gait.problem.problem import Candidate
 from drake_gait.provenance import versions
 from drake_gait.robot.description import RobotModel, read_model
+from drake_gait.search.grounds import ENDS, on_ground
 from drake_gait.search.loop import search
-from drake_gait.search.runner import Progress, on_other_ground
+from drake_gait.search.runner import Progress
 from drake_gait.simulation.simulate import try_out, walk_trial
 from drake_gait.study.robot import ROBOT, robot_of
 from drake_gait.study.settings import StudySettings
@@ -95,8 +96,8 @@ def try_robot(settings: StudySettings, model: RobotModel) -> None:
     ends = itertools.product(*([(name, low), (name, high)] for name, low, high in sizes))
     for end in ends:
         try_out(Candidate(gait=gait, foot=_resized(space.foot, dict(end))), walk)
-    for variation in (1, 2):
-        ground = on_other_ground(walk, settings, variation)
+    for slipperiness in ENDS:
+        ground = on_ground(walk, settings, slipperiness)
         try_out(Candidate(gait=gait, foot=space.foot), ground)
     check_looks(model, space.foot)
 

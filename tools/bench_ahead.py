@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from drake_gait.search.acquisition import Acquisition
 from drake_gait.search.proposer import training_data
-from drake_gait.study.records import CONFIRMATIONS
 from drake_gait.study.settings import study_settings
 from drake_gait.study.store import Study
 from drake_gait.surrogates import ensemble as surrogate
@@ -37,7 +36,7 @@ def read(folder: Path) -> tuple[list[dict[str, list[float]]], tuple[str, ...]]:
     """Scores by name at every point of a study, and the outputs that they are of."""
     with Study.open(folder) as study:
         settings = study_settings(study.description()["settings"])
-        walks = [walk for walk in study.walks() if walk.id < CONFIRMATIONS]
+        walks = [walk for walk in study.walks() if walk.is_search_walk]
     x, outputs, survived = training_data(walks, settings.space, settings.outputs)
     feasible = np.array([settings.assess(walk.walk).feasible for walk in walks])
     batch, found = settings.search.batch, []

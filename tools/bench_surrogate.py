@@ -27,7 +27,6 @@ from sklearn.preprocessing import PolynomialFeatures
 
 from drake_gait.search.proposer import training_data
 from drake_gait.study.reading import default_study, read_study
-from drake_gait.study.records import CONFIRMATIONS
 from drake_gait.study.store import Study
 from drake_gait.surrogates import ensemble as surrogate
 from drake_gait.surrogates.baselines import (
@@ -54,7 +53,7 @@ def read(folders: Sequence[Path], study: Path, *, every: bool) -> Data:
             walks += [
                 walk
                 for walk in opened.walks()
-                if walk.id < CONFIRMATIONS and (every or walk.stage == "design")
+                if walk.is_search_walk and (every or walk.stage == "design")
             ]
     return training_data(walks, space, OUTPUTS)
 

@@ -12,6 +12,7 @@ from drake_gait.files.strict_json import plain, to_json
 from drake_gait.gait import FloatArray
 from drake_gait.report.page import FIGURES, PORTRAIT, Run, write_study_page
 from drake_gait.report.result import in_words, summary
+from drake_gait.search.confirmation import walked_as
 from drake_gait.search.proposer import training_data
 from drake_gait.simulation.plant import stall_torques
 from drake_gait.simulation.simulate import simulate
@@ -74,7 +75,8 @@ def write_outputs(
     best = robust.walk if robust else None
     if best is None and searched:
         best = best_walk(searched, settings.constraints, objective)
-    replayed = simulate(best.candidate, settings.walk, history=True) if best else None
+    how = walked_as(settings, best) if best else None
+    replayed = simulate(best.candidate, how, history=True) if best else None
     measures = replayed.measures if replayed else None
     result: dict[str, Any] = plain({
         **summary(settings, walks, network, wall_s=wall_s, baselines=baselines),

@@ -1,6 +1,11 @@
-"""What ISADE minimises on the network: where a better feasible walk is to be expected."""
+"""What ISADE minimises on the network: where a better feasible walk is to be expected.
+
+Where walks are on two grounds, a candidate is worth something only if it holds on both: near the
+edge of a limit the ground decides, not luck.
+"""
 
 from collections.abc import Sequence
+from copy import copy
 
 import numpy as np
 from scipy.special import betainc, ndtr
@@ -8,7 +13,9 @@ from scipy.stats import norm
 
 from drake_gait.gait import FloatArray
 from drake_gait.problem.problem import Limit
+from drake_gait.search.grounds import predictions, together
 from drake_gait.study.ranking import robust_count
+from drake_gait.study.search_settings import Risk
 from drake_gait.surrogates.ensemble import Network, Prediction
 
 _NEIGHBOURHOOD = 0.25
@@ -26,10 +33,12 @@ class Acquisition:
         names: The quantities that it predicts, in order.
         gain: The one that is to grow.
         limits: What makes a walk feasible.
-        to_beat: The gain of the best feasible walk so far, if there is one.
+        to_beat: The gain that counts as none: of the best feasible walk so far, or the expected one
+            of the candidate that is to be trusted most; None without a feasible walk.
         trials: Design vectors that are under way, shape (d,) each.
         radius: Half width of the trust region in units of the box.
         replicas: Walks of a candidate, of which seven of eight must be feasible.
+        risk: What weighs against the gain, where the network tells two grounds apart.
     """
 
     def __init__(
@@ -42,38 +51,94 @@ class Acquisition:
         trials: Sequence[FloatArray],
         radius: float,
         replicas: int = 1,
+        risk: Risk = Risk.CHANCE,
     ) -> None:
-        self._network = network
+        self._network, self._risk = network, risk
         self._gain = names.index(gain)
-        self._limits = [(names.index(limit.quantity), limit) for limit in limits]
-        self._to_beat = to_beat
-        self._trials = trials
+        self._names, self._limits = names, limits
+        self._to_beat, self._trials = to_beat, trials
         self._replicas, self._needed = replicas, robust_count(replicas)
         self._reach = _NEIGHBOURHOOD * radius
 
     def __call__(self, x: FloatArray) -> FloatArray:
         """Costs, shape (n,), of design vectors, shape (n, d)."""
-        expected = self._network.predict(x)
+        expected = predictions(self._network, x)
         log_value = _log(self.chance(expected))
         if self._to_beat is not None:
-            mean, deviation = expected.mean[:, self._gain], expected.deviation[:, self._gain]
-            log_value += _log(expected_improvement(mean, deviation, self._to_beat))
-        for trial in self._trials:
-            distance = ((x - trial) ** 2).mean(axis=1) / self._reach**2
-            log_value += _log(-np.expm1(-0.5 * distance))
-        cost: FloatArray = -log_value
+            log_value += _log(self._improvement(expected, self._to_beat))
+        cost: FloatArray = self.nearness(x, self._trials) - log_value
         return cost
 
-    def chance(self, expected: Prediction) -> FloatArray:
+    def away_from(self, trials: Sequence[FloatArray]) -> "Acquisition":
+        """Return the same acquisition with these trials under way."""
+        other = copy(self)
+        other._trials = tuple(trials)
+        return other
+
+    def best_apart(self, x: FloatArray, count: int) -> FloatArray:
+        """Return the points of least cost, shape (count, d), each away from those before it."""
+        cost, chosen = self(x), list[FloatArray]()
+        for _ in range(count):
+            chosen.append(x[np.argmin(cost)])
+            cost = cost + self.nearness(x, chosen[-1:])
+        return np.array(chosen)
+
+    def nearness(self, x: FloatArray, trials: Sequence[FloatArray]) -> FloatArray:
+        """Return what it costs points, shape (n, d), to be near to trials, shape (n,)."""
+        cost = np.zeros(len(x))
+        for trial in trials:
+            distance = ((x - trial) ** 2).mean(axis=1) / self._reach**2
+            cost -= _log(-np.expm1(-0.5 * distance))
+        return cost
+
+    def chance(self, expected: Sequence[Prediction]) -> FloatArray:
         """Probability of a feasible candidate, shape (n,)."""
-        chance = expected.survival.copy()
-        for column, limit in self._limits:
-            mean, deviation = expected.mean[:, column], expected.deviation[:, column]
-            below = ndtr((limit.lower - mean) / deviation)
-            chance *= ndtr((limit.upper - mean) / deviation) - below
+        chance = chance_to_hold(expected, self._names, self._limits, self._risk)
         # Of at least so many of its walks, where each has this chance for itself.
-        together: FloatArray = betainc(self._needed, self._replicas - self._needed + 1, chance)
-        return together
+        found: FloatArray = betainc(self._needed, self._replicas - self._needed + 1, chance)
+        return found
+
+    def _improvement(self, expected: Sequence[Prediction], to_beat: float) -> FloatArray:
+        found = [
+            expected_improvement(one.mean[:, self._gain], one.deviation[:, self._gain], to_beat)
+            for one in (expected if self._risk is Risk.WORST else [together(expected)])
+        ]
+        least: FloatArray = np.min(found, axis=0)
+        return least
+
+
+def chance_to_hold(
+    expected: Sequence[Prediction],
+    names: Sequence[str],
+    limits: Sequence[Limit],
+    risk: Risk = Risk.CHANCE,
+) -> FloatArray:
+    """Return the probability that all limits hold and the robot stays on its feet, shape (n,).
+
+    On one ground each limit has the normal distribution of its quantity. On two, the error of a
+    prediction is the same at both ends, because most of it is the candidate's own: both ends hold
+    if the interval between them, moved by one error, is within the limit. Of deviations and chances
+    to survive the worse counts.
+
+    Args:
+        expected: A prediction for each ground.
+        names: The quantities that are predicted, in order.
+        limits: Their limits.
+        risk: With "mean", the mean of the chances that the grounds have for themselves.
+    """
+    if risk is Risk.MEAN and len(expected) > 1:
+        alone = [chance_to_hold([one], names, limits) for one in expected]
+        mean: FloatArray = np.mean(alone, axis=0)
+        return mean
+    chance: FloatArray = np.min([one.survival for one in expected], axis=0)
+    for limit in limits:
+        column = names.index(limit.quantity)
+        means = np.array([one.mean[:, column] for one in expected])
+        deviation = np.max([one.deviation[:, column] for one in expected], axis=0)
+        below = ndtr((limit.lower - means.min(axis=0)) / deviation)
+        above = ndtr((limit.upper - means.max(axis=0)) / deviation)
+        chance = chance * np.maximum(above - below, 0.0)
+    return chance
 
 
 def expected_improvement(mean: FloatArray, deviation: FloatArray, to_beat: float) -> FloatArray:

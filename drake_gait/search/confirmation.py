@@ -10,7 +10,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from drake_gait.problem.problem import Trial
-from drake_gait.search.runner import Planned, Runner, on_other_ground, perturbed
+from drake_gait.search.grounds import end_of, on_ground
+from drake_gait.search.runner import Planned, Runner, perturbed
 from drake_gait.study.finalists import REFERENCE, Finalist, finalists, winner
 from drake_gait.study.ranking import Sample
 from drake_gait.study.records import CONFIRMATION, CONFIRMATIONS, StudyWalk
@@ -44,12 +45,7 @@ def walked_as(settings: StudySettings, walk: StudyWalk) -> WalkSettings:
     """How any walk of a study was simulated, its ground and fidelity included."""
     if walk.variation == REFERENCE:
         return replace(settings.walk, fidelity=Fidelity.REFERENCE)
-    if walk.variation == 0:
-        return settings.walk
-    variation = walk.variation
-    if not walk.is_search_walk:
-        variation = _after_replicas(settings, variation)
-    return on_other_ground(settings.walk, settings, variation)
+    return on_ground(settings.walk, settings, end_of(settings, walk))
 
 
 def _after_replicas(settings: StudySettings, variation: int) -> int:
@@ -101,7 +97,8 @@ class _Race:
         if variation == REFERENCE:
             trial = replace(trial, settings=replace(trial.settings, fidelity=Fidelity.REFERENCE))
         elif variation == 0:
-            trial = replace(trial, settings=replace(trial.settings, measures=True))
+            own = on_ground(trial.settings, self._settings, end_of(self._settings, nominal))
+            trial = replace(trial, settings=replace(own, measures=True))
         else:
             other = _after_replicas(self._settings, variation)
             trial = perturbed(trial, self._settings, nominal.id, other)

@@ -28,12 +28,14 @@ _STEP = 0.5
 class DirectIsade:
     """ISADE on the simulator, from a Latin hypercube in the box."""
 
-    learns_ahead = False
-
     def __init__(self, settings: StudySettings) -> None:
         self._settings = settings
         self.samples = self.batch = _POPULATION
         self._optimiser: isade.Isade | None = None
+
+    def vintage(self, iteration: int) -> int:
+        """Its own: it waits for all walks."""
+        return iteration
 
     def learn(self, iteration: int, known: Sequence[Sample]) -> Network | None:
         """Nothing."""
@@ -66,8 +68,6 @@ class DirectIsade:
 class DirectCmaes:
     """CMA-ES (the `cmaes` library) on the paper's penalised fitness, from the middle of the box."""
 
-    learns_ahead = False
-
     def __init__(self, settings: StudySettings) -> None:
         self._settings = settings
         limits = settings.space.limits
@@ -79,6 +79,10 @@ class DirectCmaes:
         )
         self.samples = self.batch = self._optimiser.population_size
         self._asked: list[FloatArray] = []
+
+    def vintage(self, iteration: int) -> int:
+        """Its own: it waits for all walks."""
+        return iteration
 
     def learn(self, iteration: int, known: Sequence[Sample]) -> Network | None:
         """Nothing."""

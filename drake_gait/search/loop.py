@@ -8,12 +8,14 @@ is trained on the walks of earlier iterations only.
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
+from dataclasses import replace
 from functools import partial
 
 from drake_gait.problem.problem import Trial
+from drake_gait.search import modes
 from drake_gait.search.confirmation import confirm
-from drake_gait.search.modes import proposer
-from drake_gait.search.proposer import Proposal
+from drake_gait.search.grounds import Grounded, end_of_proposal, on_ground
+from drake_gait.search.proposer import Proposal, Proposer
 from drake_gait.search.runner import Evaluate, Planned, Progress, Runner, perturbed
 from drake_gait.study.ranking import Sample, sample
 from drake_gait.study.settings import StudySettings
@@ -29,6 +31,7 @@ def search(
     study: Study,
     evaluate: Evaluate,
     report: Callable[[Progress], None] = lambda progress: None,
+    proposer: Proposer | None = None,
 ) -> None:
     """Run a study to its end, from wherever it stands.
 
@@ -37,17 +40,18 @@ def search(
         study: Where every finished walk is kept.
         evaluate: Simulates trials.
         report: Told how far it is, after every walk.
+        proposer: Proposes the walks, instead of that of the study's mode.
     """
     runner = Runner(settings, study, evaluate, report)
-    run = _Run(settings, runner)
+    run = _Run(settings, runner, proposer)
     for iteration in range(run.iterations):
         if run.is_complete(iteration):
             continue
         if run.has_converged(iteration):  # Step 6.
             break
-        learning = _in_background(run.learning(iteration))  # Step 3.
+        run.learn_ahead(iteration)  # Step 3.
         runner.finish()  # Meanwhile: what the iteration before still simulates.
-        proposal = run.propose(iteration, learning.result())  # Steps 1 and 4.
+        proposal = run.propose(iteration, run.network(iteration))  # Steps 1 and 4.
         runner.start(run.planned(iteration, proposal))  # Steps 2 and 5.
     runner.finish()
     confirm(settings, runner, run.samples())
@@ -58,7 +62,7 @@ def useful_workers(settings: StudySettings) -> int:
 
     A process takes as long to start as a few walks take.
     """
-    own, plan = proposer(settings), settings.search
+    own, plan = modes.proposer(settings), settings.search
     at_once = max(own.samples, own.batch * plan.replicas, settings.confirmation.replicas)
     return max(1, min(at_once, plan.simulations // _WORTH_A_START))
 
@@ -83,12 +87,13 @@ class _Run:
     Candidates are numbered from 0; those after a design of experiments have replicas.
     """
 
-    def __init__(self, settings: StudySettings, runner: Runner) -> None:
+    def __init__(self, settings: StudySettings, runner: Runner, chosen: Proposer | None) -> None:
         self._settings, self._plan = settings, settings.search
         self._runner = runner
-        self._proposer = proposer(settings)
+        self._proposer = chosen or modes.proposer(settings)
         self._single = self._proposer.samples if self._plan.learns else 0
         self._known: dict[int, Sample] = {}
+        self._networks: dict[int, Future[Network | None]] = {}
 
     @property
     def iterations(self) -> int:
@@ -110,12 +115,27 @@ class _Run:
         best = min(self._samples_before(iteration), key=lambda one: one.rank)
         return best.number < self._numbers(iteration - patience).start
 
-    def learning(self, iteration: int) -> Callable[[], Network | None]:
-        """Learns for an iteration, from walks that are known now."""
-        last = iteration - 2 if self._proposer.learns_ahead and iteration > 1 else iteration - 1
-        if last == iteration - 1:
-            self._runner.finish()
-        return partial(self._proposer.learn, iteration, self._samples_before(last + 1))
+    def learn_ahead(self, iteration: int) -> None:
+        """Start to learn what this iteration and the next one use, as far as walks are known."""
+        wanted = range(iteration, min(iteration + 2, self.iterations))
+        for vintage in map(self._proposer.vintage, wanted):
+            if vintage < iteration:
+                self._start_learning(vintage)
+
+    def network(self, iteration: int) -> Network | None:
+        """What an iteration uses, once it is learnt."""
+        vintage = self._proposer.vintage(iteration)
+        self._start_learning(vintage)
+        self._networks = {key: one for key, one in self._networks.items() if key >= vintage}
+        return self._networks[vintage].result()
+
+    def learning(self, vintage: int) -> Callable[[], Network | None]:
+        """Learns from the samples before an iteration, which are known."""
+        return partial(self._proposer.learn, vintage, self._samples_before(vintage))
+
+    def _start_learning(self, vintage: int) -> None:
+        if vintage not in self._networks:
+            self._networks[vintage] = _in_background(self.learning(vintage))
 
     def propose(self, iteration: int, network: Network | None) -> Proposal:
         """The candidates of an iteration."""
@@ -128,23 +148,32 @@ class _Run:
     def planned(self, iteration: int, proposal: Proposal) -> Iterator[Planned]:
         """The walks of a proposal."""
         # Of all: the last digits of a prediction depend on how many are made together.
-        expected = proposal.network.predict(proposal.x) if proposal.network else None
+        network = self._on_its_ground(proposal.network, iteration)
+        expected = network.predict(proposal.x) if network else None
         for place, number in enumerate(self._numbers(iteration)):
             candidate = self._settings.space.decode(proposal.x[place])
+            first = self._ids(number).start
             nominal = Trial(candidate=candidate, settings=self._settings.trial_settings)
+            end = end_of_proposal(self._settings, iteration, first)
+            own = replace(nominal, settings=on_ground(nominal.settings, self._settings, end))
             for variation, id_ in enumerate(self._ids(number)):
-                first = self._ids(number).start
                 yield Planned(
                     id=id_,
                     stage=proposal.stage,
                     iteration=iteration,
                     trial=perturbed(nominal, self._settings, first, variation)
                     if variation
-                    else nominal,
+                    else own,
                     nominal=first if variation else None,
                     variation=variation,
                     predicted=_expected(expected, place) if expected else None,
                 )
+
+    def _on_its_ground(self, network: Network | None, iteration: int) -> Network | None:
+        first = self._ids(self._numbers(iteration).start).start
+        if isinstance(network, Grounded):
+            return network.on(end_of_proposal(self._settings, iteration, first))
+        return network
 
     def samples(self) -> list[Sample]:
         """All samples."""

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from drake_gait.search.direct import DirectCmaes, DirectIsade
+from drake_gait.search.isade_network import NetworkIsade
 from drake_gait.search.paper import PaperProcedure
 from drake_gait.search.proposer import Proposer
 from drake_gait.search.trust_region import TrustRegion
@@ -14,6 +15,7 @@ def proposer(settings: StudySettings) -> Proposer:
     """The proposer of a study's mode."""
     modes: dict[Mode, Callable[[StudySettings], Proposer]] = {
         Mode.DEFAULT: TrustRegion,
+        Mode.ISADE_NETWORK: NetworkIsade,
         Mode.PAPER: PaperProcedure,
         Mode.ISADE: DirectIsade,
         Mode.CMAES: DirectCmaes,

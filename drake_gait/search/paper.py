@@ -28,13 +28,16 @@ class PaperProcedure:
     and added.
     """
 
-    learns_ahead = False
     batch = 1
 
     def __init__(self, settings: StudySettings) -> None:
         self._settings = settings
         self.samples = settings.search.samples
         self._names = (*settings.outputs, "steps")
+
+    def vintage(self, iteration: int) -> int:
+        """Its own: each network knows all walks."""
+        return iteration
 
     def learn(self, iteration: int, known: Sequence[Sample]) -> Network | None:
         """One network of all walks."""

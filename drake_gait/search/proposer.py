@@ -39,8 +39,13 @@ class Proposer(Protocol):
     """Candidates of the first iteration."""
     batch: int
     """Candidates of every other iteration."""
-    learns_ahead: bool
-    """Whether it learns while the iteration before is still being simulated, without that one."""
+
+    def vintage(self, iteration: int) -> int:
+        """The iteration whose network an iteration uses, at most its own.
+
+        One that is less learns while later walks are still being simulated, without those.
+        """
+        ...
 
     def learn(self, iteration: int, known: Sequence[Sample]) -> Network | None:
         """What is learnt for an iteration, if anything.

@@ -8,12 +8,12 @@ import numpy as np
 
 from drake_gait.execution.local import Finished
 from drake_gait.problem.problem import Trial
+from drake_gait.search.grounds import end_of_variation, on_ground
 from drake_gait.search.seeding import Purpose, generator
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
 from drake_gait.study.store import Study
 from drake_gait.surrogates.ensemble import Surrogate
-from drake_gait.walk import WalkSettings
 
 Evaluate = Callable[[Sequence[Trial]], Iterable[Finished]]
 """Starts to simulate trials, and yields them as they finish, in any order."""
@@ -155,12 +155,5 @@ def perturbed(trial: Trial, settings: StudySettings, nominal: int, variation: in
     noisy = gait.coefficients + plan.noise * rng.standard_normal(gait.coefficients.shape)
     return Trial(
         candidate=replace(trial.candidate, gait=replace(gait, coefficients=noisy)),
-        settings=on_other_ground(trial.settings, settings, variation),
+        settings=on_ground(trial.settings, settings, end_of_variation(variation)),
     )
-
-
-def on_other_ground(walk: WalkSettings, settings: StudySettings, variation: int) -> WalkSettings:
-    """How a variation is simulated, from 1: odd ones on more slippery ground, even ones on less."""
-    change = settings.confirmation.friction
-    factor = 1.0 - change if variation % 2 else 1.0 + change
-    return replace(walk, friction=factor * walk.friction)

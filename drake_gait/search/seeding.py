@@ -16,8 +16,14 @@ class Purpose(IntEnum):
     """Initial weights and folds of a network."""
     NOISE = 4
     """Noise on the coefficients of a walk that is walked again."""
+    RECOMMENDATION = 5
+    """Initial weights and folds of the network that recommends what is confirmed."""
+    SCREENING = 6
+    """Trials of ISADE of which a network walks the best."""
     GRID_NOISE = 11
     """Noise on the coefficients of the walks of a grid of feet."""
+    TRUST = 12
+    """Noise on the coefficients of the walks that a comparison of searches trusts."""
 
 
 def generator(seed: int, purpose: Purpose, *index: int) -> np.random.Generator:

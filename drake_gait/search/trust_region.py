@@ -5,30 +5,36 @@ from typing import cast
 
 import numpy as np
 from cmaes import CMA
+from scipy.spatial.distance import cdist
 
 from drake_gait.gait import FloatArray
 from drake_gait.optimizers import isade
 from drake_gait.search import proposer
 from drake_gait.search.acquisition import Acquisition
+from drake_gait.search.grounds import end_of_proposal, grounded_inputs
+from drake_gait.search.learner import Learner, gain_to_beat
 from drake_gait.search.proposer import (
     Proposal,
-    all_walks,
     design_of_experiments,
     latin_hypercube,
-    training_data,
 )
 from drake_gait.search.seeding import Purpose, seed_of
 from drake_gait.study.ranking import Sample
 from drake_gait.study.settings import StudySettings
-from drake_gait.surrogates import ensemble as surrogate
-from drake_gait.surrogates.ensemble import FEWEST_SURVIVORS, Network, Surrogate
-from drake_gait.surrogates.residual_gp import KrigedNetwork
+from drake_gait.surrogates.ensemble import Network, Surrogate
+from drake_gait.surrogates.residual_gp import ErrorProcesses
 
 # The trust region: its first step in units of the box, that of a restart, generations without a
 # feasible candidate until then, points drawn for each that is simulated, how many standard
 # deviations ISADE may go from the middle, and the part of the samples that it starts from, 1 / n.
 _STEP_OF_REGION, _STEP_OF_RESTART, _PATIENCE = 0.35, 0.15, 4
 _DRAWS, _REACH, _ELITE = 3, 1.5, 5
+_MODELLED, _CAPPED = 200, 0.8
+"""Samples, the latest, that tell the fitness to expect; its quantile above which all are alike."""
+_SAME = 1e-9
+"""Distance, in units of the box, up to which two candidates are one."""
+_POPULATION, _GENERATIONS = 36, 30
+"""Of ISADE in the region: it begins with the region's draws, and workers wait for it."""
 
 
 class TrustRegion:
@@ -39,26 +45,31 @@ class TrustRegion:
     Of many points that
     are drawn from it, those with the largest acquisition are simulated, and the optimum that ISADE
     finds in it.
+
+    Args:
+        settings: The study.
+        tells_all: Tell the region all that it drew, with what is to be expected of it.
+        isade_points: Points of a batch that ISADE finds.
     """
 
-    learns_ahead = True
-
-    def __init__(self, settings: StudySettings) -> None:
-        self._settings = settings
+    def __init__(
+        self, settings: StudySettings, *, tells_all: bool = False, isade_points: int = 1
+    ) -> None:
+        self._settings, self._tells_all, self._isade_points = settings, tells_all, isade_points
         self.samples, self.batch = settings.search.samples, settings.search.batch
+        self._learner = Learner(settings, self.samples, self.batch)
         self._region: CMA | None = None
         self._draws: FloatArray = np.empty((0, settings.space.dimension))
         self._started = 1
         self._told = 0
 
+    def vintage(self, iteration: int) -> int:
+        """An earlier one where networks take longer than walks."""
+        return self._learner.vintage(iteration)
+
     def learn(self, iteration: int, known: Sequence[Sample]) -> Surrogate | None:
-        """An ensemble of networks of all walks, if enough survived."""
-        settings, walks = self._settings, all_walks(known)
-        x, outputs, survived = training_data(walks, settings.space, settings.outputs)
-        if surrogate.learnable(outputs, survived).sum() < FEWEST_SURVIVORS:
-            return None
-        seed = seed_of(settings.seed, Purpose.NETWORK, iteration)
-        return surrogate.fit(x, outputs, survived, seed=seed)
+        """An ensemble of networks of the latest walks, if enough survived."""
+        return self._learner.learn(iteration, known)
 
     def propose(
         self, iteration: int, known: Sequence[Sample], network: Network | None, count: int
@@ -74,25 +85,57 @@ class TrustRegion:
             self._told += 1
             stop = self.samples + (self._told - 1) * self.batch
             self._move(self._told, known[:stop])
-        since = all_walks(known)[len(network.x) :]
-        kriged = KrigedNetwork(network, *training_data(since, settings.space, settings.outputs))
-        x = self._chosen(kriged, iteration, known)
-        return Proposal(x=x[:count], stage="infill", network=kriged)
+        asked = self._learner.asked(network, iteration, known)
+        x = self._chosen(asked, iteration, known)
+        return Proposal(x=x[:count], stage="infill", network=asked)
 
     def _move(self, iteration: int, known: Sequence[Sample]) -> None:
         """Move the region by the last iteration, and draw from it."""
-        space, last = self._settings.space, known[-self.batch :]
+        space = self._settings.space
         if self._region is None:
             self._restart(iteration, self._elite(known), _STEP_OF_REGION)
         elif self._is_stuck(iteration, known):
             best = min(known, key=lambda one: one.rank)
             self._restart(iteration, space.encode(best.candidate), _STEP_OF_RESTART)
         else:
-            self._region.tell(
-                [(space.encode(one.candidate), one.assessment.fitness) for one in last]
-            )
+            self._region.tell(self._told_of(iteration, known))
         region = cast(CMA, self._region)
         self._draws = np.array([region.ask() for _ in range(_DRAWS * self.batch)])
+
+    def _told_of(self, iteration: int, known: Sequence[Sample]) -> list[tuple[FloatArray, float]]:
+        """Return what the region is told of the last batch: points and their fitness.
+
+        Points that a model has picked alone would widen it without end. So it may be told all that
+        it drew (Hansen 2019, Bajer and others 2019), each with the fitness to expect on the ground
+        of the batch, which follows from the walks of the study file alone.
+        """
+        space = self._settings.space
+        told = [
+            (space.encode(one.candidate), one.assessment.fitness) for one in known[-self.batch :]
+        ]
+        if not self._tells_all:
+            return told
+        walked = np.array([x for x, _ in told])
+        others = self._draws[cdist(self._draws, walked).min(axis=1) > _SAME]
+        drawn = np.vstack([walked, others[: len(self._draws) - len(told)]])
+        expected = self._expected_fitness(drawn, iteration - 1, known)
+        return list(zip(drawn, expected.tolist(), strict=True))
+
+    def _expected_fitness(
+        self, x: FloatArray, iteration: int, known: Sequence[Sample]
+    ) -> FloatArray:
+        settings, recent = self._settings, known[-_MODELLED:]
+        inputs = grounded_inputs(settings, [one.walks[0] for one in recent])
+        fitness = np.array([one.assessment.fitness for one in recent])
+        # The worst say that they are bad, and not how bad.
+        fitness = np.minimum(fitness, np.quantile(fitness, _CAPPED))
+        if settings.two_grounds:
+            end = end_of_proposal(settings, iteration, 0)
+            x = np.column_stack([x, np.full(len(x), end)])
+        mean = fitness.mean()
+        errors = ErrorProcesses(inputs, (fitness - mean)[:, None])
+        found: FloatArray = mean + errors.predict(x)[0][:, 0]
+        return found
 
     def _elite(self, known: Sequence[Sample]) -> FloatArray:
         """Mean of the best fifth by the paper's fitness, the better ones weighing more."""
@@ -111,7 +154,7 @@ class TrustRegion:
             sigma=step,
             bounds=limits,
             seed=seed_of(self._settings.seed, Purpose.PROPOSAL, iteration) % 2**31,
-            population_size=self.batch,
+            population_size=self.batch * (_DRAWS if self._tells_all else 1),
         )
 
     def _is_stuck(self, iteration: int, known: Sequence[Sample]) -> bool:
@@ -126,7 +169,7 @@ class TrustRegion:
 
     def _chosen(self, network: Network, iteration: int, known: Sequence[Sample]) -> FloatArray:
         settings, draws = self._settings, self._draws
-        best = min(known, key=lambda one: one.rank)
+        to_beat = gain_to_beat(settings, network, known)
         middle, spread = draws.mean(axis=0), draws.std(axis=0)
         limits = settings.space.limits
         around = np.clip(
@@ -134,30 +177,33 @@ class TrustRegion:
             limits[:, :1],
             limits[:, 1:],
         )
+        acquisition = Acquisition(
+            network,
+            settings.outputs,
+            settings.search.objective.quantity,
+            settings.constraints.limits,
+            to_beat,
+            [],
+            2.0 * float(spread.mean()),
+            settings.search.replicas,
+            settings.search.risk,
+        )
         trials: list[FloatArray] = []
-        for index in range(self.batch):
-            acquisition = Acquisition(
-                network,
-                settings.outputs,
-                settings.search.objective.quantity,
-                settings.constraints.limits,
-                -best.assessment.objective if best.assessment.feasible else None,
-                trials,
-                2.0 * float(spread.mean()),
-                settings.search.replicas,
+        for index in range(self._isade_points):
+            found = isade.minimize(
+                acquisition.away_from(trials),
+                around,
+                vectorized=True,
+                seed=seed_of(settings.seed, Purpose.PROPOSAL, iteration, index),
+                max_evaluations=10**9,
+                population_size=_POPULATION,
+                max_iterations=min(_GENERATIONS, proposer.ISADE_ITERATIONS),
+                initial=np.clip(draws, around[:, 0], around[:, 1])[:_POPULATION],
             )
-            if index == 0:
-                found = isade.minimize(
-                    acquisition,
-                    around,
-                    vectorized=True,
-                    seed=seed_of(settings.seed, Purpose.PROPOSAL, iteration, index),
-                    max_evaluations=10**9,
-                    max_iterations=proposer.ISADE_ITERATIONS,
-                    stagnation=proposer.ISADE_STAGNATION,
-                )
-                trials.append(found.x)
-            else:
-                part = draws[index :: self.batch]
-                trials.append(part[np.argmin(acquisition(part))])
+            trials.append(found.x)
+        cost = acquisition(draws)
+        for index in range(len(trials), self.batch):
+            part = np.arange(index, len(draws), self.batch)
+            near = acquisition.nearness(draws[part], trials)
+            trials.append(draws[part[np.argmin(cost[part] + near)]])
         return np.array(trials)

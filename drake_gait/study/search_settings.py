@@ -1,6 +1,7 @@
 """How a study searches: by which procedure, with how many walks, and how it confirms its winner."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, TypeVar
@@ -15,12 +16,29 @@ class Mode(StrEnum):
 
     DEFAULT = "default"
     """An ensemble of networks, ISADE on the improvement to expect, a trust region."""
+    ISADE_NETWORK = "isade-network"
+    """ISADE on simulated walks, its trials ranked by the ensemble of networks."""
     PAPER = "paper"
     """The paper's procedure to the letter: one network of all walks, and ISADE on its outputs."""
     ISADE = "isade"
     """ISADE on the simulator, without a network."""
     CMAES = "cmaes"
     """The covariance matrix adaptation evolution strategy on the simulator."""
+
+
+class Risk(StrEnum):
+    """What a search on two grounds weighs against distance."""
+
+    MEAN = "mean"
+    """The improvement to expect, and the chance to hold, of the mean of both grounds."""
+    CHANCE = "chance"
+    """The mean improvement to expect, and the chance to hold on both grounds."""
+    WORST = "worst"
+    """The improvement to expect on the worse ground, and the chance to hold on both."""
+
+
+IMPLIED: Mapping[str, Any] = {"search.grounds": False, "search.risk": "chance"}
+"""Settings of the studies that were made before there were any such settings."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +61,14 @@ class SearchSettings:
     Their median counts, and seven of eight must be feasible. A design of experiments, from which
     networks learn, has one walk of each candidate.
     """
+    grounds: bool = True
+    """Walk on slippery and on sticky ground in turn, by `confirmation.friction`.
+
+    Batches alternate, so that the walks of one compare; a network learns the ground as one more
+    input. The paper's mode keeps to the ground of `walk.friction`.
+    """
+    risk: Risk = Risk.CHANCE
+    """What weighs against distance, on two grounds."""
     stagnation: int | None = None
     """Stop after so many networks without a better feasible walk; None: use the whole budget."""
 
@@ -51,6 +77,9 @@ class SearchSettings:
         object.__setattr__(
             self, "objective", _one_of("search.objective", Objective, self.objective)
         )
+        object.__setattr__(self, "risk", _one_of("search.risk", Risk, self.risk))
+        if not isinstance(self.grounds, bool):
+            raise SettingsError(f"search.grounds must be true or false, got {self.grounds!r}")
         for name in ("samples", "simulations", "replicas"):
             _whole(f"search.{name}", getattr(self, name), 1)
         _whole("search.batch", self.batch, 4)  # CMA-ES has no smaller population.
@@ -71,7 +100,7 @@ class SearchSettings:
     @property
     def learns(self) -> bool:
         """Whether networks propose, from a design of experiments on."""
-        return self.mode in (Mode.DEFAULT, Mode.PAPER)
+        return self.mode in (Mode.DEFAULT, Mode.ISADE_NETWORK, Mode.PAPER)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,7 +25,12 @@ from drake_gait.study._toml import (
     text,
 )
 from drake_gait.study.keys import KEYS
-from drake_gait.study.search_settings import ConfirmationSettings, SearchSettings
+from drake_gait.study.search_settings import (
+    IMPLIED,
+    ConfirmationSettings,
+    Mode,
+    SearchSettings,
+)
 from drake_gait.walk import Fidelity, Walk, WalkSettings
 
 FRICTION = Range(lower=0.1, upper=1.5)
@@ -93,6 +98,12 @@ class StudySettings:
         """How the walks of the search are simulated: with measures where they are needed."""
         return replace(self.walk, measures=not set(self.outputs) <= set(OF_EVERY_WALK))
 
+    @property
+    def two_grounds(self) -> bool:
+        """Whether the walks of the search alternate between slippery and sticky ground."""
+        alternates = self.search.grounds and self.search.mode is not Mode.PAPER
+        return alternates and self.confirmation.friction > 0.0
+
     def assess(self, walk: Walk) -> Assessment:
         """A walk measured against the study's objective and constraints."""
         return assess(walk, self.constraints, self.search.objective)
@@ -137,7 +148,7 @@ def study_settings(
         source: The fields of their `Source`, where the study's file has it.
     """
     nested: dict[str, dict[str, Any]] = {section: {} for section in KEYS}
-    for name, value in description.items():
+    for name, value in {**IMPLIED, **description}.items():
         section, _, key = name.partition(".")
         nested[section][key] = value
     walk, box = nested["walk"], nested["box"]

@@ -40,6 +40,7 @@ from drake_gait.study.records import (
     require_types,
     to_row,
 )
+from drake_gait.study.search_settings import IMPLIED
 from drake_gait.study.settings import StudySettings, study_settings
 
 SCHEMA = 3
@@ -232,7 +233,8 @@ class Study:
             self.path.parent,
             "give --out for another folder, or what the study began with",
         )
-        was, now = found["settings"], wanted.get("settings", found["settings"])
+        was = {**IMPLIED, **found["settings"]}
+        now = {**IMPLIED, **wanted.get("settings", found["settings"])}
         for key in sorted((was.keys() | now.keys()) - _WORDS - {_BUDGET}):
             if was.get(key) != now.get(key):
                 told = difference(key, was.get(key), now.get(key))

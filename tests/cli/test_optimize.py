@@ -225,7 +225,7 @@ def test_a_study_s_result_is_that_of_its_walks(finished_run):
     result = json.loads((folder / "result.json").read_text())
     assert (result["study"], result["seed"], result["simulations"]) == ("paper", 0, 24)
     with Study.open(folder / "study.db") as study:
-        walks = [walk for walk in study.walks() if walk.id < CONFIRMATIONS]
+        walks = [walk for walk in study.walks() if walk.is_search_walk]
     assert [walk.id for walk in walks] == list(range(24))
     best = walks[result["walk"]]
     assert result["forward_mm"] == 1e3 * best.walk.forward

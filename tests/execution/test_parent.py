@@ -28,7 +28,7 @@ for child in children:
 
 SLEEPER = """
 import os, signal, sys, time
-from drake_gait import parent
+from drake_gait.execution import parent
 
 {beginning}
 try:

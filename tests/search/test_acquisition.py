@@ -8,7 +8,9 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from drake_gait.problem.problem import OUTPUTS, Constraints
-from drake_gait.search.acquisition import Acquisition, expected_improvement
+from drake_gait.search.acquisition import Acquisition, chance_to_hold, expected_improvement
+from drake_gait.search.grounds import Grounded, together
+from drake_gait.study.search_settings import Risk
 from drake_gait.surrogates.ensemble import Prediction
 
 LIMITS = Constraints().limits
@@ -48,7 +50,7 @@ def test_the_chance_of_a_feasible_walk_is_that_of_drawing_normal_ones():
         & (drawn[:, 3] >= limits.com_height)
         & (rng.random(200_000) < NEAR.survival)
     )
-    chance = acquisition().chance(NEAR.predict(np.zeros((3, 16))))
+    chance = acquisition().chance([NEAR.predict(np.zeros((3, 16)))])
     assert chance == pytest.approx(np.full(3, inside.mean()), abs=0.004)
     assert 0.3 < inside.mean() < 0.6  # A chance of 0 or 1 would show nothing.
 
@@ -57,7 +59,7 @@ def test_a_limit_that_a_study_adds_lowers_the_chance_by_its_own():
     names = (*OUTPUTS, "clearance")
     network = Told([*NEAR.mean, 0.010], [*NEAR.deviation, 0.002])
     added = Constraints(clearance=0.011)
-    expected = network.predict(np.zeros((1, 16)))
+    expected = [network.predict(np.zeros((1, 16)))]
     without = Acquisition(network, names, "forward", LIMITS, None, [], 0.6).chance(expected)
     found = Acquisition(network, names, "forward", added.limits, None, [], 0.6).chance(expected)
     assert found == pytest.approx(without * norm.sf(0.5))
@@ -78,7 +80,7 @@ def test_expected_improvement_is_the_integral_over_what_may_come(mean, deviation
 
 def test_the_cost_is_the_negative_logarithm_of_improvement_times_chance():
     x = np.zeros((1, 16))
-    chance = acquisition().chance(NEAR.predict(x))
+    chance = acquisition().chance([NEAR.predict(x)])
     improvement = expected_improvement(NEAR.mean[:1], NEAR.deviation[:1], 0.125)
     assert acquisition(to_beat=0.125)(x) == pytest.approx(-np.log(chance * improvement))
 
@@ -115,3 +117,100 @@ def test_a_point_without_hope_has_a_finite_cost():
     hopeless = Told([-5.0, 9.0, 9.0, 0.0], [1e-4] * 4, 0.0)
     cost = acquisition(hopeless, to_beat=0.2, trials=[np.zeros(16)])(np.zeros((1, 16)))
     assert np.isfinite(cost).all()
+
+
+# --- two grounds ---------------------------------------------------------------------------------
+
+
+def ends(lateral, deviation=0.006, *, survival=(0.9, 0.7), forward=(0.14, 0.10)):
+    """Predictions of one point on two grounds that differ in drift, distance and survival."""
+    return [
+        Prediction(
+            mean=np.array([[far, drift, 0.0, 0.2440]]),
+            deviation=np.array([[0.01, deviation, 0.02, 0.0004]]),
+            survival=np.array([chance]),
+        )
+        for far, drift, chance in zip(forward, lateral, survival, strict=True)
+    ]
+
+
+@given(
+    drifts=st.tuples(st.floats(-0.04, 0.04), st.floats(-0.04, 0.04)),
+    deviation=st.floats(0.001, 0.03),
+)
+def test_both_grounds_hold_no_more_often_than_either(drifts, deviation):
+    both = ends(drifts, deviation)
+    alone = [chance_to_hold([one], OUTPUTS, LIMITS)[0] for one in both]
+    together = chance_to_hold(both, OUTPUTS, LIMITS)[0]
+    assert 0.0 <= together <= min(alone) + 1e-12
+    mean = chance_to_hold(both, OUTPUTS, LIMITS, Risk.MEAN)[0]
+    assert mean == pytest.approx(np.mean(alone))
+    assert chance_to_hold(both[::-1], OUTPUTS, LIMITS)[0] == pytest.approx(together)
+
+
+def test_grounds_that_are_alike_count_as_one():
+    both = ends((0.004, 0.004), survival=(0.8, 0.8), forward=(0.12, 0.12))
+    for risk in Risk:
+        found = chance_to_hold(both, OUTPUTS, LIMITS, risk)
+        assert found == pytest.approx(chance_to_hold(both[:1], OUTPUTS, LIMITS))
+
+
+def test_both_grounds_hold_as_often_as_one_error_leaves_both_within_the_limits():
+    rng = np.random.default_rng(0)
+    both = ends((-0.012, 0.010), survival=(1.0, 1.0))
+    limits = [limit for limit in LIMITS if limit.quantity == "lateral"]
+    error = rng.normal(0.0, 0.006, 400_000)
+    inside = (np.abs(error - 0.012) <= limits[0].upper) & (np.abs(error + 0.010) <= limits[0].upper)
+    assert chance_to_hold(both, OUTPUTS, limits) == pytest.approx([inside.mean()], abs=0.003)
+    assert 0.5 < inside.mean() < 0.95
+
+
+@given(spread=st.floats(0.0, 0.03), more=st.floats(0.001, 0.03))
+def test_the_more_the_ground_decides_the_less_a_candidate_holds(spread, more):
+    narrow, wide = (
+        chance_to_hold(ends((-half, half)), OUTPUTS, LIMITS)[0] for half in (spread, spread + more)
+    )
+    assert wide < narrow or wide == narrow == 0.0
+
+
+class OnBoth:
+    """Expects the same of every point, on two grounds."""
+
+    def predict(self, x):
+        parts = ends((-0.008, 0.012))
+        which = (x[:, -1] > 0).astype(int)
+        return Prediction(
+            mean=np.array([parts[end].mean[0] for end in which]),
+            deviation=np.array([parts[end].deviation[0] for end in which]),
+            survival=np.array([parts[end].survival[0] for end in which]),
+        )
+
+
+def test_the_risk_says_which_improvement_and_which_chance_count():
+    x, both = np.zeros((1, 16)), ends((-0.008, 0.012))
+    network, to_beat = Grounded(OnBoth()), 0.09
+    merged = together(both)
+
+    def improvement(one):
+        return expected_improvement(one.mean[:, 0], one.deviation[:, 0], to_beat)[0]
+
+    holds = chance_to_hold(both, OUTPUTS, LIMITS)[0]
+    on_average = chance_to_hold(both, OUTPUTS, LIMITS, Risk.MEAN)[0]
+    expected = {
+        Risk.MEAN: improvement(merged) * on_average,
+        Risk.CHANCE: improvement(merged) * holds,
+        Risk.WORST: min(map(improvement, both)) * holds,
+    }
+    for risk, value in expected.items():
+        cost = Acquisition(network, OUTPUTS, "forward", LIMITS, to_beat, [], 0.6, risk=risk)(x)
+        assert cost == pytest.approx([-np.log(value)])
+    assert expected[Risk.WORST] < expected[Risk.CHANCE] < expected[Risk.MEAN]
+
+
+def test_points_of_a_batch_are_the_best_that_are_apart():
+    x = np.random.default_rng(0).uniform(-1.0, 1.0, (300, 16))
+    one = acquisition(radius=2.0)
+    chosen = one.best_apart(x, 6)
+    for place in range(6):
+        again = acquisition(radius=2.0, trials=list(chosen[:place]))
+        assert (x[np.argmin(again(x))] == chosen[place]).all()

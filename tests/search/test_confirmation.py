@@ -10,6 +10,7 @@ from conftest import Interruption, numbers, walk_at
 from drake_gait.execution.local import Finished
 from drake_gait.problem.problem import Trial
 from drake_gait.search.confirmation import confirm, walked_as
+from drake_gait.search.grounds import end_of_proposal, on_ground
 from drake_gait.search.runner import Runner, perturbed
 from drake_gait.study.finalists import REFERENCE, best_unslipping, finalists, measured, winner
 from drake_gait.study.ranking import sample
@@ -44,7 +45,8 @@ class Track:
                 self.known[noisy] = number, variation
             fine = dataclasses.replace(settings.walk, fidelity=Fidelity.REFERENCE)
             self.known[dataclasses.replace(nominal, settings=fine)] = number, REFERENCE
-            full = dataclasses.replace(settings.walk, measures=True)
+            own = on_ground(settings.walk, settings, end_of_proposal(settings, 1, id_))
+            full = dataclasses.replace(own, measures=True)
             self.known[dataclasses.replace(nominal, settings=full)] = number, 0
 
     def __call__(self, trials):

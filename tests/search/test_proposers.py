@@ -8,6 +8,8 @@ from conftest import planned, run, walk_at
 
 from drake_gait.gait import FRAMES
 from drake_gait.problem.problem import OUTPUTS, Constraints, Objective
+from drake_gait.search.grounds import Grounded
+from drake_gait.search.learner import WINDOW, grounded_data
 from drake_gait.search.modes import proposer
 from drake_gait.search.proposer import design_of_experiments, training_data
 from drake_gait.study.ranking import sample
@@ -79,7 +81,7 @@ def samples_at(x, settings, walk=walk_at, *, first=0):
 
 
 @pytest.mark.parametrize(
-    ("mode", "learnt_from"), [(Mode.DEFAULT, [20, 20, 25, 30]), (Mode.PAPER, [20, 21, 22, 23])]
+    ("mode", "learnt_from"), [(Mode.DEFAULT, [20, 25, 30]), (Mode.PAPER, [20, 21, 22, 23])]
 )
 def test_a_network_knows_all_walks_but_those_that_are_under_way_while_it_learns(
     quick, study, tmp_path, monkeypatch, mode, learnt_from
@@ -100,19 +102,42 @@ def test_a_network_knows_all_walks_but_those_that_are_under_way_while_it_learns(
 def test_the_default_corrects_its_network_by_its_errors_on_walks_it_had_no_time_to_learn(study):
     known = samples_at(np.random.default_rng(0).uniform(-1.0, 1.0, (55, 16)), study)
     one = proposer(study)
-    network = one.learn(2, known[:40])
-    found = one.propose(2, known, network, study.search.batch)
-    walks = [sample.walks[0] for sample in known[40:]]
-    data = training_data(walks, study.space, study.outputs)
-    expected = KrigedNetwork(network, *data).predict(found.x)
+    assert one.vintage(2) == 1
+    network = one.learn(1, known[:40])
+    found = one.propose(2, known[:45], network, study.search.batch)
+    data = grounded_data(study, [sample.walks[0] for sample in known[40:45]])
+    expected = Grounded(KrigedNetwork(network, *data)).predict(found.x)
     assert found.network.predict(found.x).mean == pytest.approx(expected.mean)
-    assert expected.mean != pytest.approx(network.predict(found.x).mean, rel=1e-3)
+    bare = Grounded(network).predict(found.x)
+    assert expected.mean != pytest.approx(bare.mean, rel=1e-3)
 
 
 @pytest.mark.parametrize("mode", [Mode.PAPER, Mode.ISADE, Mode.CMAES])
 def test_the_other_procedures_wait_for_all_walks(study, mode):
-    assert not proposer(planned(study, mode=mode)).learns_ahead
-    assert proposer(study).learns_ahead
+    one = proposer(planned(study, mode=mode))
+    assert [one.vintage(iteration) for iteration in range(9)] == list(range(9))
+
+
+@pytest.mark.parametrize("mode", [Mode.DEFAULT, Mode.ISADE_NETWORK])
+def test_networks_are_learnt_ahead_and_less_often_the_more_walks_there_are(study, mode):
+    one = proposer(planned(study, mode=mode, samples=100, simulations=2500, batch=12))
+    vintages = [one.vintage(iteration) for iteration in range(200)]
+    assert vintages[:6] == [0, 1, 1, 2, 3, 4]
+    assert all(vintage < iteration for iteration, vintage in enumerate(vintages) if iteration > 1)
+    renewed = np.flatnonzero(np.diff(vintages))
+    assert np.diff(renewed)[-20:].tolist() == [3] * 20
+    # Asked in any order, it says the same.
+    other = proposer(planned(study, mode=mode, samples=100, simulations=2500, batch=12))
+    assert [other.vintage(iteration) for iteration in (150, 7, 0)] == [
+        vintages[iteration] for iteration in (150, 7, 0)
+    ]
+
+
+def test_a_network_learns_the_latest_walks_only(quick, study):
+    x = np.random.default_rng(0).uniform(-1.0, 1.0, (WINDOW + 50, 16))
+    network = proposer(study).learn(30, samples_at(x, study))
+    assert len(network.x) == WINDOW
+    assert network.x[:, :16] == pytest.approx(x[50:])
 
 
 def nearest(x):

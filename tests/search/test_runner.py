@@ -199,7 +199,8 @@ def test_every_candidate_of_a_search_has_its_replicas_in_order(quick, study, pat
     for start in range(25, 43, 3):
         nominal, *variations = walks[start : start + 3]
         assert (nominal.nominal, nominal.variation) == (None, 0)
+        between = Trial(candidate=nominal.candidate, settings=settings.trial_settings)
         for number, one in enumerate(variations, 1):
             assert (one.nominal, one.variation, one.stage) == (start, number, nominal.stage)
-            expected = perturbed(trials[nominal.candidate], settings, start, number)
+            expected = perturbed(between, settings, start, number)
             assert trials[one.candidate] == expected

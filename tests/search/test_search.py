@@ -74,10 +74,10 @@ def test_an_interrupted_study_does_not_wait_for_a_network(quick, study, path, mo
     monkeypatch.setattr(
         search._Run,
         "learning",
-        lambda self, iteration: learn if iteration == 2 else learning(self, iteration),
+        lambda self, vintage: learn if vintage == 2 else learning(self, vintage),
     )
     with pytest.raises(Interruption):
-        run(study, path, Ground(study.space, stop_after=42))
+        run(study, path, Ground(study.space, stop_after=47))
     assert not learned.is_set()
     interrupted.set()
     assert learned.wait(60.0)

@@ -8,12 +8,17 @@ import pytest
 from conftest import Ground, Interruption, numbers, planned, run, shorten_trainings, walk_at
 
 from drake_gait.problem.problem import assess
+from drake_gait.search.isade_network import NetworkIsade
+from drake_gait.search.loop import search
+from drake_gait.search.trust_region import TrustRegion
 from drake_gait.study.ranking import best_walk
 from drake_gait.study.search_settings import Mode
 from drake_gait.study.store import Study
 
 PLANS = {
     "default": {"samples": 20, "simulations": 33, "batch": 5},
+    "isade-network": {"mode": Mode.ISADE_NETWORK, "samples": 20, "simulations": 33, "batch": 5},
+    "nominal": {"samples": 20, "simulations": 33, "batch": 5, "grounds": False},
     "paper": {"mode": Mode.PAPER, "samples": 20, "simulations": 26},
     "isade": {"mode": Mode.ISADE, "samples": 1, "simulations": 75},
     "cmaes": {"mode": Mode.CMAES, "samples": 1, "simulations": 41},
@@ -24,6 +29,8 @@ PLANS = {
 
 INTERRUPTED = {
     "default": [1, 20, 27, 32],
+    "isade-network": [20, 27, 31],
+    "nominal": [27],
     "paper": [19, 23],
     "isade": [0, 30, 44, 74],
     "cmaes": [5, 12, 40],
@@ -32,6 +39,8 @@ INTERRUPTED = {
 }
 FIRST_BUDGETS = {
     "default": [20, 23],
+    "isade-network": [23],
+    "nominal": [23],
     "paper": [22],
     "isade": [20, 30, 61],
     "cmaes": [12, 17],
@@ -142,3 +151,33 @@ def test_what_is_proposed_stays_within_the_limits(quick, study, path, name):
     assert (x <= space.limits[:, 1] + 1e-9).all()
     # The law is tested at the edge only if some trial went there.
     assert (np.abs(x[:, :4]) > 0.9 * np.abs(space.limits[:4]).min(axis=1)).any()
+
+
+# --- proposers that a user hands over ------------------------------------------------------------
+
+HANDED = {
+    "all told": functools.partial(TrustRegion, tells_all=True),
+    "by isade": functools.partial(TrustRegion, isade_points=3),
+    "history": functools.partial(NetworkIsade, variant="history"),
+}
+
+
+@pytest.mark.parametrize("name", HANDED)
+def test_a_search_with_another_proposer_is_as_exact_as_any(quick, study, tmp_path, name):
+    settings = planned(study, samples=20, simulations=38, batch=5)
+    proposer = HANDED[name]
+
+    def searched(path, ground):
+        opened = Study.open(path, driver=True) if path.exists() else Study.create(path, {})
+        with opened as file:
+            search(settings, file, ground, proposer=proposer(settings))
+            return file.walks()
+
+    whole = searched(tmp_path / "whole.db", Ground(settings.space, shuffle=1))
+    assert len(whole) == 38
+    with pytest.raises(Interruption):
+        searched(tmp_path / "parted.db", Ground(settings.space, shuffle=2, stop_after=32))
+    parted = searched(tmp_path / "parted.db", Ground(settings.space))
+    assert numbers(parted) == numbers(whole)
+    usual = run(settings, tmp_path / "usual.db")
+    assert not {walk.candidate for walk in whole[30:]} & {walk.candidate for walk in usual}

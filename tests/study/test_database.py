@@ -287,7 +287,7 @@ def test_a_moved_study_has_its_walks_where_it_was_moved_to(path, entry):
 SHUT_OUT = """
 import os, sys
 from pathlib import Path
-from drake_gait import database
+from drake_gait.study import _database as database
 from drake_gait.errors import StudyError
 from drake_gait.study._lock import is_driven
 from drake_gait.study.store import Study

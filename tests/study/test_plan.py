@@ -21,10 +21,10 @@ def refusal(settings, **values):
 @pytest.mark.parametrize(
     ("name", "value", "known"),
     [
-        ("mode", "defualt", "default, paper, isade, cmaes"),
-        ("mode", 3, "default, paper, isade, cmaes"),
-        ("mode", None, "default, paper, isade, cmaes"),
-        ("mode", [], "default, paper, isade, cmaes"),
+        ("mode", "defualt", "default, isade-network, paper, isade, cmaes"),
+        ("mode", 3, "default, isade-network, paper, isade, cmaes"),
+        ("mode", None, "default, isade-network, paper, isade, cmaes"),
+        ("mode", [], "default, isade-network, paper, isade, cmaes"),
         ("objective", "speed", "distance, cost_of_transport"),
     ],
 )

@@ -105,7 +105,7 @@ def test_they_return_from_their_description(read):
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("[search]\nmode = 'defualt'", "search.mode must be one of default, paper, isade, cmaes"),
+        ("[search]\nmode = 'defualt'", "search.mode must be one of default, isade-network"),
         ("[search]\nobjective = 'speed'", "search.objective must be one of distance"),
         ("[search]\nreplicas = 7", "leaves 300 walks for candidates that are proposed"),
         ("[confirmation]\nwalks = -1", "confirmation.walks"),

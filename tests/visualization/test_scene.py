@@ -51,7 +51,7 @@ def test_grid_lines_are_one_spacing_apart_and_fill_the_rectangle() -> None:
 IN_THREADS = """
 import asyncio, gc, logging, sys, threading
 from pathlib import Path
-from drake_gait import scene
+from drake_gait.visualization import meshcat as scene
 from drake_gait.errors import SettingsError
 from drake_gait.foot import FootDesign
 from drake_gait.gait import STANDING

@@ -1,0 +1,142 @@
+"""What a search believes: an ensemble of networks of its walks, and what it is to be asked.
+
+A network learns the latest 600 walks, so that it never takes longer, and only when the walks have
+grown by a twentieth: between, the processes of its errors know the new ones. Which walks a network
+learns from follows from the iteration's number alone.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from drake_gait.gait import FloatArray
+from drake_gait.problem.problem import quantity
+from drake_gait.search.acquisition import chance_to_hold
+from drake_gait.search.grounds import Grounded, grounded_inputs, predictions, together
+from drake_gait.search.proposer import all_walks
+from drake_gait.search.seeding import Purpose, seed_of
+from drake_gait.study.ranking import Sample
+from drake_gait.study.records import StudyWalk
+from drake_gait.study.settings import StudySettings
+from drake_gait.surrogates import ensemble
+from drake_gait.surrogates.ensemble import FEWEST_SURVIVORS, BoolArray, Network, Surrogate
+from drake_gait.surrogates.residual_gp import KrigedNetwork
+
+WINDOW = 600
+"""Walks, the latest, that a network learns."""
+_GROWTH = 20
+"""A network is learnt anew when there are more walks than before by one in so many."""
+_AT_LEISURE = 300
+"""Samples from which on a network may learn while two batches are simulated, not one."""
+
+
+class Learner:
+    """Learns for the iterations of a search, and says what is to be expected of candidates.
+
+    Args:
+        settings: The study.
+        samples: Candidates of the first iteration.
+        batch: Candidates of every other iteration.
+    """
+
+    def __init__(self, settings: StudySettings, samples: int, batch: int) -> None:
+        self._settings, self._samples, self._batch = settings, samples, batch
+        self._vintages = [0, 1]
+
+    def vintage(self, iteration: int) -> int:
+        """Return the iteration whose network an iteration uses, at most its own.
+
+        The network of iteration v knows the samples of all iterations before v.
+        """
+        while len(self._vintages) <= iteration:
+            self._vintages.append(self._next_vintage())
+        return self._vintages[iteration]
+
+    def learn(self, iteration: int, known: Sequence[Sample]) -> Surrogate | None:
+        """Return the network of the samples known to an iteration, if enough survived."""
+        walks = all_walks(known)[-WINDOW:]
+        return learnt(
+            self._settings, walks, seed_of(self._settings.seed, Purpose.NETWORK, iteration)
+        )
+
+    def asked(self, network: Surrogate, iteration: int, known: Sequence[Sample]) -> Network:
+        """Return what an iteration asks: its network, corrected by the walks since."""
+        learnt_from = self._count(self.vintage(iteration))
+        return corrected(self._settings, network, all_walks(known[learnt_from:]))
+
+    def _next_vintage(self) -> int:
+        """Return the vintage of the next iteration."""
+        iteration, last = len(self._vintages), self._vintages[-1]
+        ahead = 1 if self._count(iteration) < _AT_LEISURE else 2
+        newest = max(last, iteration - ahead)
+        since = self._count(newest) - self._count(last)
+        return newest if _GROWTH * since > min(self._count(last), WINDOW) else last
+
+    def _count(self, iteration: int) -> int:
+        """Return the number of samples that an iteration knows."""
+        return 0 if iteration == 0 else self._samples + (iteration - 1) * self._batch
+
+
+def learnt(settings: StudySettings, walks: Sequence[StudyWalk], seed: int) -> Surrogate | None:
+    """Return the network of some walks, or None if too few survived."""
+    x, outputs, survived = grounded_data(settings, walks)
+    if ensemble.learnable(outputs, survived).sum() < FEWEST_SURVIVORS:
+        return None
+    return ensemble.fit(x, outputs, survived, seed=seed)
+
+
+def corrected(settings: StudySettings, network: Surrogate, since: Sequence[StudyWalk]) -> Network:
+    """Return a network with its errors, those on walks since it learnt too, to ask about x."""
+    kriged = KrigedNetwork(network, *grounded_data(settings, since))
+    return Grounded(kriged) if settings.two_grounds else kriged
+
+
+def grounded_data(
+    settings: StudySettings, walks: Sequence[StudyWalk]
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Return inputs (n, d or d + 1), outputs (n, k) and who survived (n,)."""
+    outputs = [[quantity(walk.walk, name) for name in settings.outputs] for walk in walks]
+    return (
+        grounded_inputs(settings, walks),
+        np.array(outputs).reshape(len(walks), len(settings.outputs)),
+        np.array([walk.walk.survived for walk in walks], dtype=bool),
+    )
+
+
+def promise(settings: StudySettings, network: Network, x: FloatArray) -> tuple[FloatArray, ...]:
+    """Return the chance of candidates to hold, and their mean gain, each of shape (n,)."""
+    expected = predictions(network, x)
+    names, plan = settings.outputs, settings.search
+    chance = chance_to_hold(expected, names, settings.constraints.limits, plan.risk)
+    return chance, together(expected).mean[:, names.index(plan.objective.quantity)]
+
+
+def most_promising(
+    settings: StudySettings, network: Network, x: FloatArray
+) -> tuple[int, float] | None:
+    """Return the candidate with the largest chance times gain, and its mean gain.
+
+    A gain that luck has brought to one walk counts by what its neighbours say of it.
+    """
+    if not len(x):
+        return None
+    chance, gain = promise(settings, network, x)
+    best = int(np.argmax(chance * np.maximum(gain, 1e-9)))
+    return best, float(gain[best])
+
+
+def gain_to_beat(
+    settings: StudySettings, network: Network, known: Sequence[Sample]
+) -> float | None:
+    """Return the gain that an improvement is measured from; None without a feasible sample.
+
+    On two grounds it is the mean gain of the most promising candidate, else that of the best.
+    """
+    feasible = [one for one in known if one.assessment.feasible]
+    if not feasible:
+        return None
+    if not settings.two_grounds:
+        return -min(feasible, key=lambda one: one.rank).assessment.objective
+    x = np.array([settings.space.encode(one.candidate) for one in feasible])
+    found = most_promising(settings, network, x)
+    return None if found is None else found[1]
