@@ -38,6 +38,7 @@ _DESIGN_OF_EXPERIMENTS = "design of experiments"
 STAGE_NAMES = {
     Mode.DEFAULT: (_DESIGN_OF_EXPERIMENTS, "proposed by the network"),
     Mode.PAPER: (_DESIGN_OF_EXPERIMENTS, "found by ISADE on the network"),
+    Mode.ISADE_NETWORK: ("design of experiments", "proposed by ISADE, screened by the network"),
     Mode.ISADE: ("first generation of ISADE", "proposed by ISADE"),
     Mode.CMAES: ("first generation of CMA-ES", "proposed by CMA-ES"),
 }
