@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from functools import cached_property
 from typing import Any
 
@@ -40,9 +41,19 @@ WALKING = (15, 165)
 """Frames in which walking starts and ends: 0.3 and 3.3 s (Eqs. 3-9)."""
 _START, _END = WALKING
 _STAND = 180  # Frame in which standing begins.
+_RAMP = 45  # Frames in which a ramped gait function grows.
 _LEG_PHASE = CYCLE_TIME / 2.0
 _NODE_ROLL = np.radians(1.5)
 _NODE_PITCH: FloatArray = np.radians([15.0, 30.0, 15.0])  # hip, knee, ankle in mid-swing
+
+
+class Start(StrEnum):
+    """How a walk begins; it ends as in the paper."""
+
+    RAMP = "ramp"
+    """The gait function grows from nothing by a raised cosine, from 0 to 0.9 s."""
+    PAPER = "paper"
+    """The left leg swings to its node in mid-swing until 0.3 s; then the gait function is whole."""
 
 
 def _joint_rows(roll: FloatArray, right: FloatArray, left: FloatArray) -> FloatArray:
@@ -120,9 +131,27 @@ class Gait:
         values = basis @ self.coefficients.T  # Eq. 1
         return np.clip(values, ANGLE_LIMITS[:, 0], ANGLE_LIMITS[:, 1])
 
+    def commands_from(self, start: Start) -> FloatArray:
+        """What the servos are sent after a start, as `commands`, shape (241, 10)."""
+        return self.commands if start is Start.PAPER else self._ramped_commands
+
+    @cached_property
+    def _ramped_commands(self) -> FloatArray:
+        frame = np.arange(FRAMES + 1)
+        growth = 0.5 - 0.5 * np.cos(np.pi * np.minimum(frame / _RAMP, 1.0))
+        commands = np.array(self.commands)
+        commands[:_END] = (growth[:, None] * self._smooth(frame * FRAME_TIME))[:_END]
+        commands.setflags(write=False)
+        return commands
+
+    def _smooth(self, time: ArrayLike) -> FloatArray:
+        """The gait function on all joints [rad], shape (n, 10), without a schedule."""
+        left, right = self.waveforms(time), self.waveforms(np.add(time, _LEG_PHASE))
+        return _joint_rows(left[:, 0], right[:, 1:], left[:, 1:])
+
     @cached_property
     def commands(self) -> FloatArray:
-        """What the servos are sent, frames 0 to 240 (Eqs. 3-9).
+        """What the servos are sent by the paper's schedule, frames 0 to 240 (Eqs. 3-9).
 
         Joint angles [rad], shape (241, 10), columns as JOINTS; frame k is sent at k * FRAME_TIME.
         """
@@ -151,9 +180,7 @@ class Gait:
 
         Angles [rad], shape (2, 10), columns as JOINTS. The command covers each in one frame.
         """
-        walking = np.array([_START, _END]) * FRAME_TIME
-        left, right = self.waveforms(walking), self.waveforms(walking + _LEG_PHASE)
-        smooth = _joint_rows(left[:, 0], right[:, 1:], left[:, 1:])
+        smooth = self._smooth(np.array([_START, _END]) * FRAME_TIME)
         jumps: FloatArray = smooth - self.commands[[_START, _END]]
         return jumps
 

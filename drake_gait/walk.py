@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drake_gait.errors import SettingsError
-from drake_gait.gait import FRAME_TIME, FloatArray
+from drake_gait.gait import FRAME_TIME, FloatArray, Start
 from drake_gait.ranges import POSITIVE, Range, Unit, check
 from drake_gait.servo import Servo
+from drake_gait.sole import Contact, Sole
 
 if TYPE_CHECKING:
     from drake_gait.robot.description import RobotModel
@@ -27,9 +28,12 @@ class Fidelity(StrEnum):
     """How finely a walk is simulated; the plant is the same."""
 
     SEARCH = "search"
-    """CENIC at a fixed step of 4 ms: fast enough for thousands of walks."""
+    """CENIC at a fixed step of 4 ms, or `WalkSettings.step`: fast enough for thousands of walks."""
     REFERENCE = "reference"
-    """CENIC with error control at 1e-4: what a finalist is confirmed with."""
+    """CENIC at a fixed step of 1 ms: what a finalist is confirmed with.
+
+    On boxes, as before there were other soles, with error control at 1e-4.
+    """
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,12 +63,10 @@ class Integrator:
         return self.step if self.accuracy is None else 0.0
 
 
-INTEGRATORS = {
-    Fidelity.SEARCH: Integrator(step=0.004),
-    Fidelity.REFERENCE: Integrator(step=FRAME_TIME, accuracy=1e-4),
-}
-"""The integrator of each fidelity, chosen by measurement
-(docs/experiments/2026-11-22-integrators.md)."""
+SEARCH_STEP = 0.004
+"""Step of the search where none is named [s] (docs/experiments/2026-11-27-soles.md)."""
+_REFERENCE = Integrator(step=0.001)
+_REFERENCE_ON_BOXES = Integrator(step=FRAME_TIME, accuracy=1e-4)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,6 +77,14 @@ class WalkSettings:
     """Robot description: an SDF file, the name of a shipped one, or one that has been read."""
     fidelity: Fidelity = Fidelity.SEARCH
     """How finely to simulate."""
+    step: float = SEARCH_STEP
+    """Longest step of the search fidelity [s]; a frame has equal ones."""
+    sole: Sole = Sole.AREA
+    """What touches the ground under the feet."""
+    contact: Contact | None = None
+    """Takes the place of the soles' own size and softness; for comparisons."""
+    start: Start = Start.RAMP
+    """How the gait begins."""
     integrator: Integrator | None = None
     """Takes the place of the fidelity's own; for comparisons."""
     servo: Servo = field(default_factory=Servo)
@@ -90,11 +100,17 @@ class WalkSettings:
         if not self.time_limit > 0.0:  # Infinity is a limit too.
             check("time_limit", self.time_limit, POSITIVE, Unit(name="s"))
         check("friction", self.friction, Range(lower=0.05, upper=2.25))
+        check("step", self.step, Range(lower=1e-4, upper=FRAME_TIME), Unit(name="s"))
 
     @property
     def stepping(self) -> Integrator:
         """The integrator to use."""
-        return self.integrator or INTEGRATORS[self.fidelity]
+        if self.integrator is not None:
+            return self.integrator
+        if self.fidelity is Fidelity.SEARCH:
+            # Equal steps: the sliver that is left of a frame otherwise has no solution.
+            return Integrator(step=FRAME_TIME / math.ceil(FRAME_TIME / self.step - 1e-9))
+        return _REFERENCE_ON_BOXES if self.sole is Sole.BOXES else _REFERENCE
 
 
 class Outcome(StrEnum):

@@ -26,7 +26,7 @@ LAYERS = (
     ("robot",),
     ("walk",),
     ("gait",),
-    ("foot", "servo"),
+    ("foot", "servo", "sole"),
     ("arrays", "ranges", "files", "provenance"),
     ("errors",),
 )

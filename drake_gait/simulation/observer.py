@@ -4,15 +4,19 @@ Histories are taken at the control frames. Work, slip and peaks are summed at ev
 integrator, because torques change faster than frames come.
 """
 
+from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
+from pydrake.geometry import GeometryId
 from pydrake.math import RollPitchYaw
 from pydrake.multibody.plant import ContactResults
+from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import Context, EventStatus
 
 from drake_gait.gait import CYCLE_TIME, FRAME_TIME, JOINTS, WALKING, FloatArray
 from drake_gait.robot.sdf import ANKLES, BASE, FOOT_LINKS, SIDES, TOE_HINGES
+from drake_gait.simulation.contact import ground_of
 from drake_gait.simulation.plant import Robot, sole_corners
 from drake_gait.walk import History, Measures
 
@@ -22,6 +26,20 @@ LOADED = 0.5
 _SATURATED = 1.0 - 1e-6  # of the stall torque
 _SHORTEST_SWING = 4  # frames; a foot that is let go bounces for three at most
 _RIPPLE = 0.0003  # Changes of height that are the contact's, not the leg's [m].
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Touch:
+    """One patch or point of a foot on the ground."""
+
+    foot: int
+    """0 right, 1 left."""
+    body: RigidBody
+    """The link of it."""
+    force: FloatArray
+    """Of the ground on it [N], shape (3,)."""
+    place: FloatArray
+    """Where, in the world [m], shape (3,)."""
 
 
 class Observer:
@@ -61,6 +79,7 @@ class Observer:
             for body in bodies
             for geometry in plant.GetCollisionGeometriesForBody(body)
         }
+        self._ground = ground_of(plant)
         self._frames: list[dict[str, FloatArray]] = []
         self._last: tuple[float, FloatArray, FloatArray] | None = None
         self._positive, self._absolute, self._saturated = 0.0, 0.0, 0.0
@@ -177,41 +196,55 @@ class Observer:
         controller = cast(FloatArray, port.Eval(plant_context))
         return controller, speeds, controller - self._back_emf * speeds
 
-    def _contacts(self, plant_context: Context) -> ContactResults:
+    def _contacts(self, plant_context: Context) -> list[_Touch]:
+        """Where feet touch the ground: patches of surfaces, and points."""
         port = self._robot.plant.get_contact_results_output_port()
-        return cast(ContactResults, port.Eval(plant_context))
+        results = cast(ContactResults, port.Eval(plant_context))
+        found: list[tuple[tuple[GeometryId, GeometryId], FloatArray, FloatArray]] = []
+        for index in range(results.num_hydroelastic_contacts()):
+            patch = results.hydroelastic_contact_info(index)
+            surface, force = patch.contact_surface(), patch.F_Ac_W().translational()
+            ids = surface.id_M(), surface.id_N()
+            found.append((ids, force, cast(FloatArray, surface.centroid())))
+        for index in range(results.num_point_pair_contacts()):
+            pair = results.point_pair_contact_info(index)
+            ids = pair.point_pair().id_A, pair.point_pair().id_B
+            found.append((ids, np.negative(pair.contact_force()), pair.contact_point()))
+        return [
+            _Touch(foot=foot, body=body, force=sign * force, place=place)
+            for (first, second), force, place in found
+            for one, other, sign in ((first, second, 1.0), (second, first, -1.0))
+            if other == self._ground and one in self._geometries
+            for foot, body in (self._geometries[one],)
+        ]
 
     def _ground_reaction(self, plant_context: Context) -> FloatArray:
         """Force on each foot [N], shape (2, 3)."""
         forces: FloatArray = np.zeros((2, 3))
-        contacts = self._contacts(plant_context)
-        for index in range(contacts.num_hydroelastic_contacts()):
-            contact = contacts.hydroelastic_contact_info(index)
-            surface, force_on_m = contact.contact_surface(), contact.F_Ac_W().translational()
-            if surface.id_M() in self._geometries:
-                forces[self._geometries[surface.id_M()][0]] += force_on_m
-            elif surface.id_N() in self._geometries:
-                forces[self._geometries[surface.id_N()][0]] -= force_on_m
+        for touch in self._contacts(plant_context):
+            forces[touch.foot] += touch.force
         return forces
 
     def _sliding_speeds(self, plant_context: Context) -> FloatArray:
-        """Speed over the ground of the most loaded patch of each foot [m/s], shape (2,)."""
+        """Speed over the ground of the most loaded plate of each foot [m/s], shape (2,).
+
+        It is that of the middle of what touches, by load.
+        """
         plant = self._robot.plant
+        plates: dict[int, list[_Touch]] = {}
+        for touch in self._contacts(plant_context):
+            plates.setdefault(int(touch.body.index()), []).append(touch)
         speeds, loads = np.zeros(2), np.full(2, LOADED)
-        contacts = self._contacts(plant_context)
-        for index in range(contacts.num_hydroelastic_contacts()):
-            contact = contacts.hydroelastic_contact_info(index)
-            surface = contact.contact_surface()
-            found = self._geometries.get(surface.id_M()) or self._geometries.get(surface.id_N())
-            load = abs(contact.F_Ac_W().translational()[2])
-            if found is None or load <= loads[found[0]]:
+        for touches in plates.values():
+            foot, body = touches[0].foot, touches[0].body
+            weights = [abs(touch.force[2]) for touch in touches]
+            if sum(weights) <= loads[foot]:
                 continue
-            foot, body = found
+            p_WC = np.average([touch.place for touch in touches], axis=0, weights=weights)
             velocity = plant.EvalBodySpatialVelocityInWorld(plant_context, body)
             p_WB: FloatArray = plant.EvalBodyPoseInWorld(plant_context, body).translation()
-            arm = cast(Any, cast(FloatArray, surface.centroid()) - p_WB)
-            v_WP = velocity.Shift(arm).translational()
-            speeds[foot], loads[foot] = np.hypot(v_WP[0], v_WP[1]), load
+            v_WC = velocity.Shift(cast(Any, p_WC - p_WB)).translational()
+            speeds[foot], loads[foot] = np.hypot(v_WC[0], v_WC[1]), sum(weights)
         return speeds
 
     def _sole_heights(self, plant_context: Context) -> FloatArray:

@@ -7,19 +7,10 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
-from pydrake.geometry import (
-    AddContactMaterial,
-    AddRigidHydroelasticProperties,
-    HalfSpace,
-    ProximityProperties,
-    Role,
-    SceneGraph,
-)
-from pydrake.math import RigidTransform
+from pydrake.geometry import Role, SceneGraph
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import (
     AddMultibodyPlant,
-    CoulombFriction,
     MultibodyPlant,
     MultibodyPlantConfig,
 )
@@ -42,17 +33,23 @@ from drake_gait.robot.sdf_checks import tree
 from drake_gait.servo import Servo
 from drake_gait.simulation.collision import box_corners, out_of_reach
 from drake_gait.simulation.command_source import GaitSystem
+from drake_gait.simulation.contact import (
+    GROUND_FRICTION,
+    Plate,
+    add_ground,
+    add_soles,
+    part_soles,
+    plates,
+)
 from drake_gait.simulation.messages import drake_messages, in_one_line, without_folders
 from drake_gait.simulation.toes import with_toes
+from drake_gait.sole import Contact, Sole
 from drake_gait.walk import DEFAULT_MODEL
 
 _NEVER: tuple[FloatArray, FloatArray] = (np.array([-np.inf]), np.array([np.inf]))
 
 _OUT_OF_REACH = np.pi / 2.0
 """A servo never turns so far: commands stay within Table I, and a walk ends when it falls [rad]."""
-
-GROUND_FRICTION = 1.0
-"""Both coefficients of the ground; Drake combines two surfaces as 2ab / (a + b)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -95,6 +92,8 @@ def add_robot(
     time_step: float = 0.0,
     looks: bool = True,
     friction: float = 1.0,
+    sole: Sole = Sole.AREA,
+    contact: Contact | None = None,
 ) -> tuple[MultibodyPlant, SceneGraph]:
     """Add plant and scene graph of the robot on the ground to a diagram.
 
@@ -102,16 +101,13 @@ def add_robot(
     Without a `foot` the robot has the toes of its file.
     Without `looks` it has the shapes that touch only.
     The friction between feet and ground is `friction` times that of the description.
+    It stands on a `sole`, whose size and softness `contact` says.
 
     Raises:
         ModelError: the description cannot be read, or is not a biped with the joints needed.
     """
     model = read_model(model)
-    plant, scene_graph = AddMultibodyPlant(
-        MultibodyPlantConfig(time_step=time_step, contact_model="hydroelastic_with_fallback"),
-        builder,
-    )
-    plant.set_name("plant")
+    plant, scene_graph = _empty_plant(builder, time_step)
     rigid = foot is not None and foot.rigid_toes
     with _naming(model), drake_messages() as messages:
         root = tree(model.content)
@@ -123,11 +119,15 @@ def add_robot(
         with files_of(model, looks=looks) as (folder, uris):
             with_files(root, uris)
             _parse(plant, root, folder)
-        _check_plant(plant, rigid_toes=rigid)
-        add_ground(plant)
+            _check_plant(plant, rigid_toes=rigid)
+            if sole is not Sole.BOXES:
+                add_soles(plant, _plates(root, folder), sole, contact)
+        add_ground(plant, sole, contact)
         _add_servos(plant, servo)
         plant.Finalize()
         _check_base(plant)
+        if sole is not Sole.BOXES:
+            part_soles(plant, scene_graph)
         if messages:
             raise ModelError(f": Drake says: {without_folders(messages[0])}; mend it")
     if not looks:
@@ -135,6 +135,23 @@ def add_robot(
         for geometry in out_of_reach(plant, scene_graph):
             scene_graph.RemoveRole(plant.get_source_id(), geometry, Role.kProximity)
     return plant, scene_graph
+
+
+def _empty_plant(builder: DiagramBuilder, time_step: float) -> tuple[MultibodyPlant, SceneGraph]:
+    plant, scene_graph = AddMultibodyPlant(
+        MultibodyPlantConfig(time_step=time_step, contact_model="hydroelastic_with_fallback"),
+        builder,
+    )
+    plant.set_name("plant")
+    return plant, scene_graph
+
+
+def _plates(root: ElementTree.Element, folder: Path | None) -> list[Plate]:
+    """Find the plates of a description's feet in a plant that is thrown away: they come first."""
+    plant, scene_graph = _empty_plant(DiagramBuilder(), 0.0)
+    _parse(plant, root, folder)
+    plant.Finalize()
+    return plates(plant, scene_graph)
 
 
 def _parse(plant: MultibodyPlant, root: ElementTree.Element, folder: Path | None) -> None:
@@ -202,18 +219,6 @@ def _check_base(plant: MultibodyPlant) -> None:
         )
 
 
-def add_ground(plant: MultibodyPlant) -> None:
-    """A rigid half space under z = 0."""
-    properties = ProximityProperties()
-    AddRigidHydroelasticProperties(properties)
-    AddContactMaterial(
-        friction=CoulombFriction(GROUND_FRICTION, GROUND_FRICTION), properties=properties
-    )
-    plant.RegisterCollisionGeometry(
-        plant.world_body(), RigidTransform(), HalfSpace(), "ground", properties
-    )
-
-
 def sole_corners(robot: Robot, body: RigidBody) -> FloatArray:
     """Corners of a foot link's collision boxes in its frame p_BC [m], shape (3, 8 k)."""
     return np.hstack(list(box_corners(robot.plant, robot.scene_graph, body).values()))
@@ -227,6 +232,8 @@ def build_robot(
     time_step: float = 0.0,
     friction: float = 1.0,
     logged: bool = False,
+    sole: Sole = Sole.AREA,
+    contact: Contact | None = None,
 ) -> Robot:
     """The diagram of a robot whose servos follow a GaitSystem, for walks that nobody looks at.
 
@@ -235,8 +242,9 @@ def build_robot(
     """
     builder = DiagramBuilder()
     plant, scene_graph = add_robot(
-        builder, model, foot, servo, time_step=time_step, friction=friction, looks=False
-    )
+        builder, model, foot, servo, time_step=time_step, friction=friction, looks=False,
+        sole=sole, contact=contact,
+    )  # fmt: skip
     gait = GaitSystem()
     builder.AddSystem(gait)
     state = plant.get_state_output_port()

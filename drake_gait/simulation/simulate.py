@@ -9,6 +9,7 @@ from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydrake.math import RigidTransform
 from pydrake.multibody.cenic import CenicIntegrator
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Context, Diagram
@@ -24,12 +25,12 @@ from drake_gait.servo import Servo
 from drake_gait.simulation.messages import drake_messages
 from drake_gait.simulation.observer import Observer
 from drake_gait.simulation.plant import Robot, build_robot
-from drake_gait.simulation.stance import check_placed, check_toes
+from drake_gait.simulation.stance import check_placed, check_toes, lowest_point
+from drake_gait.sole import Contact, Sole
 from drake_gait.walk import (
     FALL_HEIGHT,
     FALL_TILT,
-    INTEGRATORS,
-    Fidelity,
+    SEARCH_STEP,
     Integrator,
     Outcome,
     Walk,
@@ -41,15 +42,20 @@ Watch = Callable[[float, FloatArray], None]
 
 _UPRIGHT = math.cos(FALL_TILT)
 
-_TOLERANCE, _LINE_SEARCH_TOLERANCE = 1e-5, 0.1
-"""Of CENIC's convex solver in steps of fixed length; with errors controlled it follows them.
+_TOLERANCE, _LINE_SEARCH_TOLERANCE = 1e-5, 1e-3
+"""Of CENIC's convex solver in steps of fixed length; with errors controlled it follows them."""
 
-Drake's own, 1e-8 both, take a fifth longer, and walks move by 0.05 mm (median,
-docs/experiments/2026-11-22-integrators.md).
+_LINE_SEARCH_ON_BOXES = 0.1
+"""Boxes let it be found more loosely (docs/experiments/2026-11-22-integrators.md).
+
+On a rim it would find no solution in three of twelve walks.
 """
 
 _LINE_SEARCH_OF_SETTLING = 1e-8
 """Drake's own: last digits of where a robot stood grow to 0.1 mm where errors are controlled."""
+
+_SUNK = 1e-4
+"""How deep soles that are no boxes are when they begin to settle [m]."""
 
 _SETTLING_TIME = 1.0
 """How long the robot stands before its walk, to come to rest on its soles [s]."""
@@ -92,7 +98,9 @@ def simulate(
     Raises:
         ModelError: the robot description cannot be used.
     """
-    return follow(candidate.gait.commands, candidate.foot, settings, history=history, watch=watch)
+    settings = settings or WalkSettings()
+    commands = candidate.gait.commands_from(settings.start)
+    return follow(commands, candidate.foot, settings, history=history, watch=watch)
 
 
 def walk_trial(trial: Trial, model: RobotModel | None = None) -> Walk:
@@ -142,7 +150,7 @@ def try_out(candidate: Candidate, settings: WalkSettings) -> None:
     Raises:
         ModelError: the robot cannot be used.
     """
-    commands = candidate.gait.commands
+    commands = candidate.gait.commands_from(settings.start)
     robot, context = prepare(commands, candidate.foot, settings)
     with drake_messages():
         walk = _advance(robot, context, settings, Observer(robot, commands), frames=_TRIED_OUT)
@@ -160,11 +168,12 @@ def prepare(
     stepping = settings.stepping
     time_step = stepping.step if stepping.discrete else 0.0
     model, body, friction = read_model(settings.model), foot.body, settings.friction
-    robot = _robot(model, body, settings.servo, time_step, friction, logged)
+    ground = settings.sole, settings.contact
+    robot = _robot(model, body, settings.servo, *ground, time_step, friction, logged)
     context = robot.diagram.CreateDefaultContext()
     plant_context = robot.plant.GetMyMutableContextFromRoot(context)
     robot.set_foot(plant_context, foot)
-    standing = _standing(model, settings.servo, rigid_toes=foot.rigid_toes)
+    standing = _standing(model, settings.servo, *ground, rigid_toes=foot.rigid_toes)
     robot.plant.SetPositions(plant_context, standing)
     gait_context = robot.gait.GetMyMutableContextFromRoot(context)
     robot.gait.set_commands(gait_context, commands, lead=stepping.lead)
@@ -176,30 +185,39 @@ def _robot(
     model: RobotModel,
     body: FootDesign,
     servo: Servo,
+    sole: Sole,
+    contact: Contact | None,
     time_step: float = 0.0,
     friction: float = 1.0,
     logged: bool = False,
 ) -> Robot:
     """One diagram serves every gait and every toe spring of a foot's body."""
-    return build_robot(model, body, servo, time_step=time_step, friction=friction, logged=logged)
+    return build_robot(
+        model, body, servo, time_step=time_step, friction=friction, logged=logged, sole=sole,
+        contact=contact,
+    )  # fmt: skip
 
 
 @lru_cache(maxsize=4)
-def _standing(model: RobotModel, servo: Servo, *, rigid_toes: bool) -> FloatArray:
+def _standing(
+    model: RobotModel, servo: Servo, sole: Sole, contact: Contact | None, *, rigid_toes: bool
+) -> FloatArray:
     """Positions of the robot at rest on the paper's feet, shape (21,), or (17,) with rigid toes.
 
     Every foot starts its walk from them: what other toes would change is a thousandth of a radian
     in the toes themselves and microns elsewhere, and settling costs a fifth of a walk.
     """
     foot = FootDesign(rigid_toes=rigid_toes)
-    robot = _robot(model, foot, servo)
+    robot = _robot(model, foot, servo, sole, contact)
     context = robot.diagram.CreateDefaultContext()
     plant_context = robot.plant.GetMyMutableContextFromRoot(context)
     robot.set_foot(plant_context, foot)
     check_placed(robot, plant_context, model)
     check_toes(model)
+    if sole is not Sole.BOXES:
+        _lower(robot, plant_context)
     before = _posture(robot, plant_context)
-    stepping = INTEGRATORS[Fidelity.SEARCH]
+    stepping = Integrator(step=SEARCH_STEP)
     with drake_messages():
         try:
             simulator = start(robot.diagram, context, stepping, _LINE_SEARCH_OF_SETTLING)
@@ -211,6 +229,17 @@ def _standing(model: RobotModel, servo: Servo, *, rigid_toes: bool) -> FloatArra
     positions: FloatArray = robot.plant.GetPositions(plant_context)
     positions.setflags(write=False)
     return positions
+
+
+def _lower(robot: Robot, plant_context: Context) -> None:
+    """Put a robot's soles slightly into the ground.
+
+    Drake aborts where a flat mesh lies exactly in the plane of a half space.
+    """
+    torso = robot.plant.GetBodyByName(BASE)
+    X_WT = robot.plant.EvalBodyPoseInWorld(plant_context, torso)
+    down: FloatArray = np.array([0.0, 0.0, -lowest_point(robot, plant_context) - _SUNK])
+    robot.plant.SetFreeBodyPose(plant_context, torso, RigidTransform(down) @ X_WT)
 
 
 def _posture(robot: Robot, plant_context: Context) -> tuple[float, float, float]:
@@ -281,7 +310,9 @@ def _advance(
     log = cast(VectorLogSink, robot.frames).FindLog(context)
     # Computing time: a busy machine changes no walk.
     deadline = time.thread_time() + settings.time_limit
-    simulator = start(robot.diagram, context, settings.stepping)
+    on_boxes = settings.sole is Sole.BOXES
+    line_search = _LINE_SEARCH_ON_BOXES if on_boxes else _LINE_SEARCH_TOLERANCE
+    simulator = start(robot.diagram, context, settings.stepping, line_search)
     if observer:
         observer.record(context)
         simulator.set_monitor(observer.monitor)

@@ -13,9 +13,10 @@ from drake_gait.errors import ModelError
 from drake_gait.foot import TOE_GAP, FootDesign
 from drake_gait.gait import FloatArray
 from drake_gait.robot.description import RobotModel
-from drake_gait.robot.sdf import BASE, FOOT_LINKS, SIDES
+from drake_gait.robot.sdf import BASE, FEET, FOOT_LINKS, SIDES
 from drake_gait.servo import Servo
 from drake_gait.simulation.plant import Robot, build_robot, sole_corners
+from drake_gait.sole import Sole
 
 _HIGHEST_START = 0.02
 """How far from the ground the soles may be in the file [m]."""
@@ -43,15 +44,21 @@ def check_placed(robot: Robot, plant_context: Context, model: RobotModel) -> Non
             f"{model}: the axes of '{BASE}' must be x forward, y left and z up in the world; turn "
             "the link or the model"
         )
-    lowest = min(
-        float((plant.EvalBodyPoseInWorld(plant_context, body) @ sole_corners(robot, body))[2].min())
-        for body in (plant.GetBodyByName(f"{link}_{side}") for side in SIDES for link in FOOT_LINKS)
-    )
+    lowest = lowest_point(robot, plant_context)
     if not abs(lowest) <= _HIGHEST_START:
         raise ModelError(
             f"{model}: its soles must be within {1e3 * _HIGHEST_START:g} mm of the ground, z = 0, "
             f"got {1e3 * lowest:.4g} mm; move the model by its <pose>"
         )
+
+
+def lowest_point(robot: Robot, plant_context: Context) -> float:
+    """Height of the lowest corner of the soles over the ground [m]."""
+    plant = robot.plant
+    return min(
+        float((plant.EvalBodyPoseInWorld(plant_context, body) @ sole_corners(robot, body))[2].min())
+        for body in (plant.GetBodyByName(name) for name in FEET)
+    )
 
 
 @lru_cache(maxsize=8)
@@ -61,8 +68,8 @@ def check_toes(model: RobotModel) -> None:
     Raises:
         ModelError: a foot of another design has another outline, or toes of another size.
     """
-    before = _extents(build_robot(model, None, Servo()))
-    after = _extents(build_robot(model, _PROBE, Servo()))
+    before = _extents(build_robot(model, None, Servo(), sole=Sole.BOXES))
+    after = _extents(build_robot(model, _PROBE, Servo(), sole=Sole.BOXES))
     for side, inward in zip(SIDES, (1.0, -1.0), strict=True):
         was, now = ([found[f"{link}_{side}"] for link in FOOT_LINKS] for found in (before, after))
         heel, big, lesser = now

@@ -16,6 +16,7 @@ from drake_gait.study.search_settings import SearchSettings
 DEGREES = Unit(name="degrees", si=math.pi / 180.0)
 MM = Unit(name="mm", si=1e-3)
 N_MM_DEG = Unit(name="N·mm/deg", si=N_MM_PER_DEG)
+MS = Unit(name="ms", si=1e-3)
 N_M, JOULES, SECONDS = Unit(name="N·m"), Unit(name="J"), Unit(name="s")
 RAD_PER_S, N_M_PER_RAD = Unit(name="rad/s"), Unit(name="N·m/rad")
 N_M_S_PER_RAD = Unit(name="N·m·s/rad")
@@ -61,7 +62,11 @@ FOOT: Table = {
     "big_toe_width_mm": ("big_toe_width", MM),
     "toe_length_mm": ("toe_length", MM),
 }
-WALK: Table = {"time_limit_s": ("time_limit", SECONDS), "friction": ("friction", NONE)}
+WALK: Table = {
+    "step_ms": ("step", MS),
+    "time_limit_s": ("time_limit", SECONDS),
+    "friction": ("friction", NONE),
+}
 BOX: Table = {"centre_deg": ("centre", DEGREES), "half_width_deg": ("half_width", DEGREES)}
 
 KEYS = {
@@ -70,12 +75,23 @@ KEYS = {
     "confirmation": tuple(CONFIRMATION),
     "box": ("chosen", "centre_deg", "centre_from", "half_width_deg"),
     "constraints": tuple(CONSTRAINTS),
-    "walk": ("model", "fidelity", "time_limit_s", "friction"),
+    "gait": ("start",),
+    "walk": ("model", "sole", "fidelity", *WALK),
     "servo": tuple(SERVO),
     "foot": (*FOOT, "rigid_toes"),
     "design": tuple(FOOT),
 }
 """Every section of a study's file, and its keys."""
+
+OLDER = {
+    "gait.start": "paper",
+    "search.grounds": False,
+    "search.risk": "chance",
+    "walk.friction": 1.0,
+    "walk.sole": "boxes",
+    "walk.step": 0.004,
+}
+"""Settings that a description of an older study lacks, with what it walked with."""
 
 _IN_FILE = {
     f"{section}.{field}": (f"{section}.{key}", unit)

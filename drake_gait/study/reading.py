@@ -7,6 +7,7 @@ is SI. Unknown sections and keys are refused with the nearest one that exists.
 import difflib
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from drake_gait.errors import SettingsError
 from drake_gait.files.shipped import shipped_folder
 from drake_gait.files.text import read_text
 from drake_gait.foot import FootDesign
+from drake_gait.gait import Start
 from drake_gait.problem.problem import (
     Constraints,
     DesignSpace,
@@ -21,6 +23,7 @@ from drake_gait.problem.problem import (
 from drake_gait.ranges import check
 from drake_gait.robot.description import located
 from drake_gait.servo import Servo
+from drake_gait.sole import Sole
 from drake_gait.study._toml import (
     as_toml,
     coefficients,
@@ -34,8 +37,8 @@ from drake_gait.study._toml import (
 from drake_gait.study.centre import resolve_centre, whole_path
 from drake_gait.study.keys import BOX, CONFIRMATION, CONSTRAINTS, FOOT, KEYS, SERVO, WALK
 from drake_gait.study.search_settings import ConfirmationSettings, SearchSettings
-from drake_gait.study.settings import FRICTION, Source, StudySettings, fidelity, study_settings
-from drake_gait.walk import WalkSettings
+from drake_gait.study.settings import FRICTION, Source, StudySettings, choice, study_settings
+from drake_gait.walk import Fidelity, WalkSettings
 
 _OTHER_CENTRE = {"centre_from": "centre_deg", "centre_deg": "centre_from"}
 
@@ -174,8 +177,11 @@ def _walk(content: Mapping[str, Any], folder: Path) -> WalkSettings:
     if "model" in values:
         values["model"] = located(values["model"], folder)
     measured = {key: values.pop(key) for key in WALK if key in values}
-    if "fidelity" in values:
-        values["fidelity"] = fidelity(values["fidelity"])
+    kinds: dict[str, type[StrEnum]] = {"fidelity": Fidelity, "sole": Sole}
+    for key in kinds.keys() & values.keys():
+        values[key] = choice(kinds[key], f"walk.{key}", values[key])
+    if "start" in (gait := content.get("gait", {})):
+        values["start"] = choice(Start, "gait.start", gait["start"])
     if "friction" in measured:
         with told_as_written("walk", measured, WALK):
             check("friction", number("walk.friction", measured["friction"]), FRICTION)

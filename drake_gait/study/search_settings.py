@@ -1,7 +1,6 @@
 """How a study searches: by which procedure, with how many walks, and how it confirms its winner."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, TypeVar
@@ -35,10 +34,6 @@ class Risk(StrEnum):
     """The mean improvement to expect, and the chance to hold on both grounds."""
     WORST = "worst"
     """The improvement to expect on the worse ground, and the chance to hold on both."""
-
-
-IMPLIED: Mapping[str, Any] = {"search.grounds": False, "search.risk": "chance"}
-"""Settings of the studies that were made before there were any such settings."""
 
 
 @dataclass(frozen=True, kw_only=True)

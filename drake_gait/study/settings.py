@@ -3,12 +3,14 @@
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from enum import StrEnum
+from typing import Any, TypeVar
 
 import numpy as np
 
 from drake_gait.errors import SettingsError
 from drake_gait.foot import FootDesign
+from drake_gait.gait import Start
 from drake_gait.problem.problem import (
     OF_EVERY_WALK,
     Assessment,
@@ -19,19 +21,17 @@ from drake_gait.problem.problem import (
 )
 from drake_gait.ranges import Range, check
 from drake_gait.servo import Servo
+from drake_gait.sole import Sole
 from drake_gait.study._toml import (
     MOST_BITS,
     folder_name,
     text,
 )
-from drake_gait.study.keys import KEYS
-from drake_gait.study.search_settings import (
-    IMPLIED,
-    ConfirmationSettings,
-    Mode,
-    SearchSettings,
-)
+from drake_gait.study.keys import KEYS, OLDER
+from drake_gait.study.search_settings import ConfirmationSettings, Mode, SearchSettings
 from drake_gait.walk import Fidelity, Walk, WalkSettings
+
+_Choice = TypeVar("_Choice", bound=StrEnum)
 
 FRICTION = Range(lower=0.1, upper=1.5)
 """A variation may take half of it, or add half, and is still a walk that can be simulated."""
@@ -113,7 +113,9 @@ class StudySettings:
         walk = asdict(self.walk)
         servo = walk.pop("servo")
         walk.pop("integrator")  # The fidelity says it; another one is for comparisons only.
+        walk.pop("contact")  # The sole says it, likewise.
         walk.pop("measures")  # The objective and the constraints say it.
+        start = walk.pop("start")
         nested = {
             "study": {"name": self.name, "question": self.question, "seed": self.seed},
             "search": asdict(self.search),
@@ -124,7 +126,8 @@ class StudySettings:
                 "half_width": self.space.half_width.tolist(),
             },
             "constraints": asdict(self.constraints),
-            "walk": {**walk, "model": str(self.walk.model), "fidelity": str(self.walk.fidelity)},
+            "gait": {"start": start},
+            "walk": {**walk, "model": str(self.walk.model)},
             "servo": servo,
             "foot": asdict(self.space.foot),
             "design": {name: [low, high] for name, low, high in self.space.foot_ranges},
@@ -148,7 +151,7 @@ def study_settings(
         source: The fields of their `Source`, where the study's file has it.
     """
     nested: dict[str, dict[str, Any]] = {section: {} for section in KEYS}
-    for name, value in {**IMPLIED, **description}.items():
+    for name, value in {**OLDER, **description}.items():
         section, _, key = name.partition(".")
         nested[section][key] = value
     walk, box = nested["walk"], nested["box"]
@@ -166,9 +169,12 @@ def study_settings(
         constraints=Constraints(**nested["constraints"]),
         walk=WalkSettings(
             model=walk["model"],
-            fidelity=fidelity(walk["fidelity"]),
+            fidelity=choice(Fidelity, "walk.fidelity", walk["fidelity"]),
+            step=walk["step"],
+            sole=choice(Sole, "walk.sole", walk["sole"]),
+            start=choice(Start, "gait.start", nested["gait"]["start"]),
             time_limit=walk["time_limit"],
-            friction=walk.get("friction", 1.0),
+            friction=walk["friction"],
             servo=Servo(**nested["servo"]),
         ),
         source=None
@@ -182,14 +188,13 @@ def study_settings(
     )
 
 
-def fidelity(value: Any) -> Fidelity:
-    """Return the fidelity of this name.
+def choice(kind: type[_Choice], name: str, value: Any) -> _Choice:
+    """Return the member of an enumeration that a setting names.
 
     Raises:
         SettingsError: there is none.
     """
     try:
-        return Fidelity(value)
+        return kind(value)
     except ValueError:
-        known = ", ".join(Fidelity)
-        raise SettingsError(f"walk.fidelity must be one of {known}, got {value!r}") from None
+        raise SettingsError(f"{name} must be one of {', '.join(kind)}, got {value!r}") from None

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from drake_gait.errors import GaitError, StudyError
 from drake_gait.study._database import Database, damaged, write_new
 from drake_gait.study._lock import driver_lock
-from drake_gait.study.keys import difference
+from drake_gait.study.keys import OLDER, difference
 from drake_gait.study.records import (
     COLUMNS,
     CONFIRMATIONS,
@@ -40,7 +40,6 @@ from drake_gait.study.records import (
     require_types,
     to_row,
 )
-from drake_gait.study.search_settings import IMPLIED
 from drake_gait.study.settings import StudySettings, study_settings
 
 SCHEMA = 3
@@ -233,8 +232,8 @@ class Study:
             self.path.parent,
             "give --out for another folder, or what the study began with",
         )
-        was = {**IMPLIED, **found["settings"]}
-        now = {**IMPLIED, **wanted.get("settings", found["settings"])}
+        now = wanted.get("settings", found["settings"])
+        was = {key: OLDER[key] for key in OLDER.keys() & now.keys()} | found["settings"]
         for key in sorted((was.keys() | now.keys()) - _WORDS - {_BUDGET}):
             if was.get(key) != now.get(key):
                 told = difference(key, was.get(key), now.get(key))

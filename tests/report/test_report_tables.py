@@ -61,7 +61,7 @@ def test_walks_are_said_to_be_proposed_by_what_proposed_them(entry, study, mode)
     table = report_tables.stages(walks, dataclasses.replace(study, search=search))
     names = " ".join(row[0] for row in table.rows)
     assert ("network" in names) == search.learns
-    assert ("ISADE" in names) == (mode in (Mode.ISADE, Mode.PAPER))
+    assert ("ISADE" in names) == (mode in (Mode.ISADE, Mode.ISADE_NETWORK, Mode.PAPER))
     assert ("CMA-ES" in names) == (mode is Mode.CMAES)
 
 
