@@ -40,6 +40,8 @@ _FALLEN_STIFFNESS = 2e5
 """Of points of other limbs with the ground of `area`, which only a fallen robot has [N/m]."""
 _RADIUS = 5e-4
 """Of a sphere at a plate's corner [m]."""
+_PROUD = 1e-6
+"""By which a rim is lower than its plate [m]: Drake aborts if a flat mesh is exactly at z = 0."""
 _ALONG_HEEL, _ALONG_TOE = (2, 2), (1, 2)
 """Pieces of a rim's strips, along x and along y: as many as make an edge turn as a line does."""
 
@@ -165,7 +167,7 @@ def add_soles(
             AddContactMaterial(friction=plate.friction, properties=properties)
             AddRigidHydroelasticProperties(properties)
             file = MemoryFile(_rim(plate, contact), ".obj", f"{plate.link}_sole")
-            shapes = [(np.zeros(3), Mesh(InMemoryMesh(mesh_file=file)))]
+            shapes = [(np.array([0.0, 0.0, -_PROUD]), Mesh(InMemoryMesh(mesh_file=file)))]
         else:
             _add_point_material(properties, contact, plate.friction)
             x, y = plate.length / 2.0, plate.width / 2.0

@@ -9,7 +9,6 @@ from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydrake.math import RigidTransform
 from pydrake.multibody.cenic import CenicIntegrator
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Context, Diagram
@@ -25,7 +24,7 @@ from drake_gait.servo import Servo
 from drake_gait.simulation.messages import drake_messages
 from drake_gait.simulation.observer import Observer
 from drake_gait.simulation.plant import Robot, build_robot
-from drake_gait.simulation.stance import check_placed, check_toes, lowest_point
+from drake_gait.simulation.stance import check_placed, check_toes
 from drake_gait.sole import Contact, Sole
 from drake_gait.walk import (
     FALL_HEIGHT,
@@ -53,9 +52,6 @@ On a rim it would find no solution in three of twelve walks.
 
 _LINE_SEARCH_OF_SETTLING = 1e-8
 """Drake's own: last digits of where a robot stood grow to 0.1 mm where errors are controlled."""
-
-_SUNK = 1e-4
-"""How deep soles that are no boxes are when they begin to settle [m]."""
 
 _SETTLING_TIME = 1.0
 """How long the robot stands before its walk, to come to rest on its soles [s]."""
@@ -214,8 +210,6 @@ def _standing(
     robot.set_foot(plant_context, foot)
     check_placed(robot, plant_context, model)
     check_toes(model)
-    if sole is not Sole.BOXES:
-        _lower(robot, plant_context)
     before = _posture(robot, plant_context)
     stepping = Integrator(step=SEARCH_STEP)
     with drake_messages():
@@ -229,17 +223,6 @@ def _standing(
     positions: FloatArray = robot.plant.GetPositions(plant_context)
     positions.setflags(write=False)
     return positions
-
-
-def _lower(robot: Robot, plant_context: Context) -> None:
-    """Put a robot's soles slightly into the ground.
-
-    Drake aborts where a flat mesh lies exactly in the plane of a half space.
-    """
-    torso = robot.plant.GetBodyByName(BASE)
-    X_WT = robot.plant.EvalBodyPoseInWorld(plant_context, torso)
-    down: FloatArray = np.array([0.0, 0.0, -lowest_point(robot, plant_context) - _SUNK])
-    robot.plant.SetFreeBodyPose(plant_context, torso, RigidTransform(down) @ X_WT)
 
 
 def _posture(robot: Robot, plant_context: Context) -> tuple[float, float, float]:

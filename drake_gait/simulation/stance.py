@@ -44,21 +44,15 @@ def check_placed(robot: Robot, plant_context: Context, model: RobotModel) -> Non
             f"{model}: the axes of '{BASE}' must be x forward, y left and z up in the world; turn "
             "the link or the model"
         )
-    lowest = lowest_point(robot, plant_context)
+    lowest = min(
+        float((plant.EvalBodyPoseInWorld(plant_context, body) @ sole_corners(robot, body))[2].min())
+        for body in (plant.GetBodyByName(name) for name in FEET)
+    )
     if not abs(lowest) <= _HIGHEST_START:
         raise ModelError(
             f"{model}: its soles must be within {1e3 * _HIGHEST_START:g} mm of the ground, z = 0, "
             f"got {1e3 * lowest:.4g} mm; move the model by its <pose>"
         )
-
-
-def lowest_point(robot: Robot, plant_context: Context) -> float:
-    """Height of the lowest corner of the soles over the ground [m]."""
-    plant = robot.plant
-    return min(
-        float((plant.EvalBodyPoseInWorld(plant_context, body) @ sole_corners(robot, body))[2].min())
-        for body in (plant.GetBodyByName(name) for name in FEET)
-    )
 
 
 @lru_cache(maxsize=8)

@@ -15,7 +15,7 @@ from pydrake.systems.analysis import Simulator
 
 from drake_gait import Candidate, FootDesign, Gait, Outcome, WalkSettings, simulate
 from drake_gait.errors import ModelError, SettingsError
-from drake_gait.gait import FRAME_TIME, FRAMES, STANDING
+from drake_gait.gait import FRAME_TIME, FRAMES, STANDING, Start
 from drake_gait.simulation import plant as robot
 from drake_gait.simulation import simulate as simulation
 from drake_gait.simulation.simulate import follow
@@ -132,7 +132,7 @@ def test_a_history_has_one_row_a_frame_in_the_shapes_of_its_documentation() -> N
         assert getattr(history, name).shape == (FRAMES + 1, *shape), name
         assert np.isfinite(getattr(history, name)).all(), name
     assert history.time == pytest.approx(np.arange(FRAMES + 1) * 0.02)
-    assert history.commands == pytest.approx(WALKING.gait.commands)
+    assert history.commands == pytest.approx(WALKING.gait.commands_from(Start.RAMP))
 
 
 def test_the_walks_numbers_are_the_first_and_last_frames_of_its_history() -> None:

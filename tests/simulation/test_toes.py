@@ -15,6 +15,7 @@ from drake_gait.robot.sdf import TOE_HINGES, remove_looks
 from drake_gait.robot.sdf_checks import tree
 from drake_gait.servo import Servo
 from drake_gait.simulation import simulate as simulation
+from drake_gait.simulation.collision import box_corners
 from drake_gait.simulation.plant import Robot, build_robot, sole_corners
 from drake_gait.simulation.simulate import follow, prepare
 from drake_gait.simulation.toes import with_toes
@@ -82,7 +83,7 @@ def test_mass_and_inertia_of_both_toes_are_those_of_their_plates(
         assert inertia == pytest.approx(np.diag(moments), rel=1e-9, abs=1e-18)
         # The hinge is at the rear end of the plate.
         assert com[[0, 2]] == pytest.approx([length / 2.0, 0.0], abs=1e-15)
-        (geometry,) = robot.plant.GetCollisionGeometriesForBody(body)
+        (geometry,) = box_corners(robot.plant, robot.scene_graph, body)
         shape = robot.scene_graph.model_inspector().GetShape(geometry)
         assert isinstance(shape, Box)
         assert shape.size() == pytest.approx([length, widths[toe], THICKNESS], rel=1e-12)

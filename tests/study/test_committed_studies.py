@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 
 import pytest
 
@@ -12,8 +13,9 @@ from drake_gait.simulation.plant import stall_torques
 from drake_gait.simulation.simulate import simulate
 from drake_gait.study.finalists import finalists, winner
 from drake_gait.study.reading import read_study
+from drake_gait.study.settings import study_settings
 from drake_gait.study.store import Study
-from drake_gait.walk import Integrator, WalkSettings
+from drake_gait.walk import Integrator
 
 
 @pytest.fixture(params=["best", "reference"])
@@ -49,7 +51,7 @@ def test_the_refined_walk_that_bears_all_noise_is_feasible_at_other_steps_too(co
     settings, study, _ = committed
     (steady,) = (one for one in finalists(settings, study.walks()) if one.feasible == 8)
     for integrator in (Integrator(step=0.001), Integrator(step=0.02, accuracy=1e-5)):
-        walk = simulate(steady.walk.candidate, WalkSettings(integrator=integrator))
+        walk = simulate(steady.walk.candidate, replace(settings.walk, integrator=integrator))
         assert settings.assess(walk).feasible
         assert walk.forward == pytest.approx(steady.walk.walk.forward, abs=5e-3)
 

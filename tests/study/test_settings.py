@@ -96,10 +96,11 @@ def test_the_paper_s_study_is_the_paper_s(paper_study):
     assert (study.space.box == [-1.0, 1.0]).all()
 
 
-def test_the_default_study_is_the_paper_s_without_gaits_that_twist(paper_study):
+def test_the_default_study_is_the_paper_s_from_a_smooth_start_without_gaits_that_twist(paper_study):
     paper, default = (read_study(path).description() for path in (paper_study, default_study()))
     changed = {key for key in default if default[key] != paper[key]}
-    assert changed == {"study.name", "study.question", "box.chosen", "constraints.yaw_swing"}
+    told = {"study.name", "study.question", "box.chosen"}
+    assert changed == {*told, "gait.start", "constraints.yaw_swing"}
     assert np.degrees(default["constraints.yaw_swing"]) == pytest.approx(20.0)
 
 

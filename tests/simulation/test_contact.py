@@ -1,0 +1,329 @@
+"""Laws of the soles: what edges and plates carry, how they slide, and that all soles agree."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.plant import (
+    AddMultibodyPlant,
+    CoulombFriction,
+    MultibodyPlant,
+    MultibodyPlantConfig,
+)
+from pydrake.multibody.tree import (
+    FixedOffsetFrame,
+    PrismaticJoint,
+    RevoluteJoint,
+    SpatialInertia,
+    UnitInertia,
+)
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, DiagramBuilder
+
+from drake_gait import Candidate, FootDesign, Gait, WalkSettings, simulate
+from drake_gait.gait import FRAMES, JOINTS, FloatArray, Start
+from drake_gait.servo import Servo
+from drake_gait.simulation.contact import Plate, add_ground, add_soles, plates, sole_mesh
+from drake_gait.simulation.plant import build_robot
+from drake_gait.simulation.simulate import follow, start
+from drake_gait.sole import Contact, Sole
+from drake_gait.study.reading import default_study, read_study
+from drake_gait.walk import Fidelity, Integrator
+
+STANDING_STILL = np.zeros((FRAMES + 1, len(JOINTS)))
+MIDDLE = read_study(default_study()).space.decode(np.zeros(16)).gait
+NEW = [Sole.AREA, Sole.POINTS]
+
+LENGTH, WIDTH, RIM = 0.095, 0.078, Contact().rim
+MASS, INERTIA, GRAVITY = 1.6, 0.02, 9.81
+SURFACE = 0.26342  # so that plate and ground together have
+FRICTION = 2.0 * SURFACE / (1.0 + SURFACE)
+
+
+def mirrored(commands: FloatArray) -> FloatArray:
+    """The commands of the robot in a mirror: legs exchanged, roll to the other side."""
+    other_side = {"r": "l", "l": "r"}
+    twins = [JOINTS.index(name[:-1] + other_side[name[-1]]) for name in JOINTS]
+    signs = [-1.0 if "roll" in name else 1.0 for name in JOINTS]
+    return np.array(commands[:, twins] * signs)
+
+
+# --- One plate on the ground ----------------------------------------------------------------------
+
+
+def plate_on_ground(
+    sole: Sole, about: tuple[float, float], tilt: tuple[float, float], *, axis: str
+) -> tuple[MultibodyPlant, Simulator, Context]:
+    """A loaded heel plate, settled, that may sink and move along or about one axis.
+
+    Args:
+        sole: What is under it.
+        about: The point of the plate that the axis goes through [m].
+        tilt: Its roll and pitch [deg].
+        axis: "turn" about z, or "slide" along x.
+    """
+    builder = DiagramBuilder()
+    config = MultibodyPlantConfig(time_step=0.0, contact_model="hydroelastic_with_fallback")
+    plant, _ = AddMultibodyPlant(config, builder)
+    plant.set_name("plant")
+    light = SpatialInertia(1e-6, np.zeros(3), UnitInertia.SolidSphere(0.01))
+    slider = plant.AddRigidBody("slider", light)
+    radius = np.sqrt(INERTIA / MASS / 0.4)
+    heavy = SpatialInertia(MASS, np.zeros(3), UnitInertia.SolidSphere(radius))
+    foot = plant.AddRigidBody("foot_l", heavy)
+    up = np.array([0.0, 0.0, 1.0])
+    plant.AddJoint(PrismaticJoint("sink", plant.world_frame(), slider.body_frame(), up))
+    turned = RigidTransform(RollPitchYaw(*np.radians(tilt), 0.0), np.zeros(3)).inverse()
+    frame = plant.AddFrame(FixedOffsetFrame("upright", foot.body_frame(), turned))
+    if axis == "turn":
+        plant.AddJoint(RevoluteJoint("free", slider.body_frame(), frame, up))
+    else:
+        ahead = np.array([1.0, 0.0, 0.0])
+        plant.AddJoint(PrismaticJoint("free", slider.body_frame(), frame, ahead))
+    plate = Plate(
+        link="foot_l",
+        X_LP=RigidTransform(np.array([-about[0], -about[1], 0.0])),
+        length=LENGTH,
+        width=WIDTH,
+        friction=CoulombFriction(SURFACE, SURFACE),
+    )
+    add_soles(plant, [plate], sole)
+    add_ground(plant, sole)
+    plant.Finalize()
+    diagram = builder.Build()
+    context = diagram.CreateDefaultContext()
+    plant_context = plant.GetMyMutableContextFromRoot(context)
+    plant.GetJointByName("sink").set_translation(plant_context, -1.234e-4)
+    simulator = start(diagram, context, Integrator(step=0.001))
+    simulator.AdvanceTo(0.4)
+    return plant, simulator, plant_context
+
+
+def retarded(
+    sole: Sole,
+    about: tuple[float, float],
+    tilt: tuple[float, float],
+    *,
+    axis: str,
+    speed: float,
+    seconds: float = 0.02,
+) -> float:
+    """Acceleration against a motion that begins at a speed [m/s² or rad/s²], and its mean speed."""
+    plant, simulator, context = plate_on_ground(sole, about, tilt, axis=axis)
+    velocities = plant.GetVelocities(context)
+    velocities[plant.GetJointByName("free").velocity_start()] = speed
+    plant.SetVelocities(context, velocities)
+    simulator.Initialize()
+    index = plant.GetJointByName("free").velocity_start()
+    begin = simulator.get_context().get_time()
+    simulator.AdvanceTo(begin + 0.004)
+    before = plant.GetVelocities(context)[index]
+    simulator.AdvanceTo(begin + 0.004 + seconds)
+    return float((before - plant.GetVelocities(context)[index]) / seconds)
+
+
+def mean_distance(*, rim: float) -> float:
+    """Mean distance of a rim of the plate from the plate's middle [m]."""
+    x, y = np.meshgrid(
+        (np.arange(800) + 0.5) / 800 * LENGTH - LENGTH / 2.0,
+        (np.arange(800) + 0.5) / 800 * WIDTH - WIDTH / 2.0,
+    )
+    on_rim = (np.abs(x) > LENGTH / 2.0 - rim) | (np.abs(y) > WIDTH / 2.0 - rim)
+    return float(np.hypot(x, y)[on_rim].mean())
+
+
+FLAT = ((0.0, 0.0), (0.0, 0.0))
+FRONT = ((LENGTH / 2.0, 0.0), (0.0, 8.0))
+BACK = ((-LENGTH / 2.0, 0.0), (0.0, -8.0))
+SIDE = ((0.0, WIDTH / 2.0), (-8.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("sole", "stance", "arm"),
+    [
+        (Sole.AREA, FLAT, mean_distance(rim=RIM)),
+        (Sole.AREA, FRONT, WIDTH / 4.0),  # a line's resistance: a quarter of its length
+        (Sole.AREA, BACK, WIDTH / 4.0),
+        (Sole.AREA, SIDE, LENGTH / 4.0),
+        (Sole.POINTS, FLAT, np.hypot(LENGTH, WIDTH) / 2.0),
+        (Sole.POINTS, FRONT, WIDTH / 2.0),  # two points at the ends of the edge
+        (Sole.POINTS, SIDE, LENGTH / 2.0),
+    ],
+)
+def test_a_plate_resists_turning_as_statics_says(
+    sole: Sole, stance: tuple[tuple[float, float], tuple[float, float]], arm: float
+) -> None:
+    torque = INERTIA * retarded(sole, *stance, axis="turn", speed=3.0)
+    assert torque == pytest.approx(FRICTION * MASS * GRAVITY * arm, rel=0.1)
+
+
+@pytest.mark.parametrize("sole", NEW)
+@pytest.mark.parametrize("stance", [FLAT, SIDE], ids=["flat", "side edge"])
+def test_a_sliding_plate_loses_what_friction_takes(
+    sole: Sole, stance: tuple[tuple[float, float], tuple[float, float]]
+) -> None:
+    deceleration = retarded(sole, *stance, axis="slide", speed=0.5)
+    assert deceleration == pytest.approx(FRICTION * GRAVITY, rel=0.02)
+
+
+# --- The mesh -------------------------------------------------------------------------------------
+
+
+def triangles(text: str) -> FloatArray:
+    """Corners of a mesh's faces, shape (n, 3, 3)."""
+    rows = [line.split() for line in text.splitlines()]
+    vertices = np.array([row[1:] for row in rows if row[0] == "v"], dtype=float)
+    return vertices[np.array([row[1:] for row in rows if row[0] == "f"], dtype=int) - 1]
+
+
+@pytest.mark.parametrize("left", [True, False])
+@pytest.mark.parametrize(("hinge", "edges"), [(False, 4), (True, 3)])
+@pytest.mark.parametrize("pieces", [1, 2, 5])
+def test_a_rim_covers_the_edges_of_its_plate_once_and_faces_down(
+    left: bool, hinge: bool, edges: int, pieces: int
+) -> None:
+    text = sole_mesh(0.06, 0.04, rim=0.005, along=(pieces, pieces), hinge=hinge, left=left)
+    corners = triangles(text)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert len(corners) == 2 * pieces * edges
+    assert (normals[:, 2] < 0.0).all()
+    hollow = (0.055 if hinge else 0.05) * 0.03
+    assert -normals[:, 2].sum() / 2.0 == pytest.approx(0.06 * 0.04 - hollow)
+
+
+def test_a_rim_is_never_wider_than_a_third_of_its_plate() -> None:
+    corners = triangles(sole_mesh(0.06, 0.009, rim=0.006))
+    assert np.unique(np.abs(corners[:, :, 1]).round(9)).tolist() == [0.0, 0.0015, 0.0045]
+
+
+# --- The robot's soles ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("model", ["khr3hv.sdf", "khr3hv_cad.sdf"])
+@pytest.mark.parametrize(
+    "foot", [FootDesign(), FootDesign(big_toe_width=0.031, toe_length=0.017)], ids=["paper", "own"]
+)
+def test_soles_lie_under_their_plates_in_the_size_of_the_design(
+    model: str, foot: FootDesign
+) -> None:
+    robot = build_robot(model, foot, Servo())
+    found = plates(robot.plant, robot.scene_graph)
+    context = robot.plant.CreateDefaultContext()
+    for plate in found:
+        X_WL = robot.plant.EvalBodyPoseInWorld(context, robot.plant.GetBodyByName(plate.link))
+        X_WP = X_WL @ plate.X_LP
+        assert X_WP.rotation().IsNearlyIdentity(1e-9)
+        assert X_WP.translation()[2] == pytest.approx(0.0, abs=1e-6)
+    sizes = {plate.link: (plate.length, plate.width) for plate in found}
+    assert sizes["big_toe_r"] == pytest.approx((foot.toe_length, foot.big_toe_width))
+    assert sizes["lesser_toes_l"] == pytest.approx((foot.toe_length, foot.lesser_toes_width))
+
+
+def test_the_friction_of_the_walk_scales_that_of_every_sole() -> None:
+    def pairs(factor: float) -> FloatArray:
+        robot = build_robot("khr3hv.sdf", FootDesign(), Servo(), friction=factor)
+        found = [plate.friction for plate in plates(robot.plant, robot.scene_graph)]
+        alone = np.array([(one.static_friction(), one.dynamic_friction()) for one in found])
+        return 2.0 * alone / (1.0 + alone)
+
+    assert pairs(0.8) == pytest.approx(0.8 * pairs(1.0))
+
+
+@pytest.mark.parametrize("sole", NEW)
+def test_other_ground_is_another_walk(sole: Sole) -> None:
+    settings = WalkSettings(sole=sole)
+    walk, slippery = (
+        simulate(Candidate(gait=MIDDLE), replace(settings, friction=factor))
+        for factor in (1.0, 0.7)
+    )
+    assert abs(slippery.forward - walk.forward) > 1e-3
+
+
+@pytest.mark.parametrize("sole", list(Sole))
+def test_a_standing_foot_bears_half_of_the_weight_without_chatter(sole: Sole) -> None:
+    walk = follow(STANDING_STILL, settings=WalkSettings(sole=sole), history=True)
+    assert walk.history is not None
+    assert walk.measures is not None
+    loads = walk.history.ground_reaction[50:, :, 2]
+    assert loads.mean(axis=0) == pytest.approx(np.full(2, 1.5 * GRAVITY / 2.0), rel=0.01)
+    assert (loads.std(axis=0) < 0.02 * loads.mean(axis=0)).all()
+    assert walk.measures.duty_factor == (1.0, 1.0)
+    assert max(walk.measures.slip) < 1e-3
+    assert walk.measures.clearance == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("foot", [FootDesign(), FootDesign(rigid_toes=True)], ids=["toes", "rigid"])
+def test_all_soles_agree_on_a_walk_and_on_its_loads(foot: FootDesign) -> None:
+    walks = [
+        simulate(
+            Candidate(gait=MIDDLE, foot=foot), WalkSettings(sole=sole, step=0.002), history=True
+        )
+        for sole in Sole
+    ]
+    assert all(walk.survived for walk in walks)
+    forward = [walk.forward for walk in walks]
+    assert max(forward) - min(forward) < 0.03
+    for walk in walks:
+        assert walk.history is not None
+        assert walk.measures is not None
+        vertical = walk.history.ground_reaction[:, :, 2].sum(axis=1)
+        assert vertical.mean() == pytest.approx(1.5 * GRAVITY, rel=0.05)
+        assert 0.5 < min(walk.measures.duty_factor) <= max(walk.measures.duty_factor) < 0.9
+
+
+@pytest.mark.parametrize("sole", NEW)
+def test_a_mirrored_gait_walks_a_mirrored_path_to_a_tenth_of_a_millimetre(sole: Sole) -> None:
+    commands, settings = MIDDLE.commands_from(Start.RAMP), WalkSettings(sole=sole)
+    walk, twin = follow(commands, settings=settings), follow(mirrored(commands), settings=settings)
+    assert twin.forward == pytest.approx(walk.forward, abs=1e-4)
+    assert twin.lateral == pytest.approx(-walk.lateral, abs=1e-4)
+    assert twin.yaw == pytest.approx(-walk.yaw, abs=np.radians(0.1))
+
+
+@pytest.mark.parametrize("sole", NEW)
+@pytest.mark.parametrize("fidelity", list(Fidelity))
+def test_a_rounding_error_in_a_coefficient_changes_no_walk(sole: Sole, fidelity: Fidelity) -> None:
+    settings = WalkSettings(sole=sole, fidelity=fidelity)
+    nudged = MIDDLE.coefficients.copy()
+    nudged[1, 0] += 1e-14
+    walk, other = (
+        simulate(Candidate(gait=gait), settings) for gait in (MIDDLE, Gait(coefficients=nudged))
+    )
+    assert other.forward == pytest.approx(walk.forward, abs=1e-4)
+    assert other.lateral == pytest.approx(walk.lateral, abs=1e-4)
+    assert other.yaw == pytest.approx(walk.yaw, abs=np.radians(0.1))
+
+
+@pytest.mark.parametrize("sole", NEW)
+def test_a_search_walks_about_as_at_reference_fidelity(sole: Sole) -> None:
+    coarse, fine = (
+        simulate(Candidate(gait=MIDDLE), WalkSettings(sole=sole, fidelity=fidelity))
+        for fidelity in Fidelity
+    )
+    assert coarse.forward == pytest.approx(fine.forward, abs=0.015)
+    assert coarse.lateral == pytest.approx(fine.lateral, abs=0.015)
+
+
+# --- Settings -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("sole", "fidelity", "expected"),
+    [
+        (Sole.AREA, Fidelity.SEARCH, Integrator(step=0.004)),
+        (Sole.POINTS, Fidelity.REFERENCE, Integrator(step=0.001)),
+        (Sole.AREA, Fidelity.REFERENCE, Integrator(step=0.001)),
+        (Sole.BOXES, Fidelity.SEARCH, Integrator(step=0.004)),
+        (Sole.BOXES, Fidelity.REFERENCE, Integrator(step=0.02, accuracy=1e-4)),
+    ],
+)
+def test_fidelity_and_sole_choose_the_integrator(
+    sole: Sole, fidelity: Fidelity, expected: Integrator
+) -> None:
+    assert WalkSettings(sole=sole, fidelity=fidelity).stepping == expected
+
+
+@pytest.mark.parametrize(("step", "steps"), [(0.0025, 8), (0.003, 7), (0.02, 1), (0.0033, 7)])
+def test_a_frame_has_equal_steps_none_longer_than_asked_for(step: float, steps: int) -> None:
+    assert WalkSettings(step=step).stepping.step == pytest.approx(0.02 / steps, abs=1e-15)
