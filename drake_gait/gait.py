@@ -174,6 +174,11 @@ class Gait:
         commands.setflags(write=False)  # They are kept.
         return commands
 
+    def jumps_from(self, start: Start) -> FloatArray:
+        """`jumps` of what is sent after a start, shape (2, 10): a ramp leaves none at 0.3 s."""
+        sent = [1.0 if start is Start.PAPER else 0.0, 1.0]
+        return np.array(sent)[:, None] * self.jumps
+
     @property
     def jumps(self) -> FloatArray:
         """How far the gait function misses the schedule's nodes at 0.3 s and 3.3 s.

@@ -35,7 +35,7 @@ parser.add_argument("--simulations", type=int, default=240, help="walks of each 
 parser.add_argument("--seed", type=int, default=0, help="seed of both studies")
 options, _ = parser.parse_known_args()  # A notebook has arguments of its own.
 options.out.mkdir(parents=True, exist_ok=True)
-PAPER = default_study().with_name("paper.toml")  # Of its gaits more are feasible from the start.
+STUDY = default_study()
 
 # %% 1. One gait. Sixteen coefficients in degrees; what comes back is in SI units.
 gait = Gait.from_degrees(
@@ -88,7 +88,7 @@ def run(study: Path, folder: Path) -> None:
     subprocess.run(command, check=True)
 
 
-run(PAPER, options.out / "gait")
+run(STUDY, options.out / "gait")
 
 # %% 5. What its samples say: how many walk, and what a network learns from them.
 with Study.open(options.out / "gait") as study:
@@ -124,7 +124,7 @@ print(f"   winner:       {in_words(on_paper_foot.walk)} ({verdict})")
 # %% 7. Open the foot: the same study, with the springs and the width of the big toe to be chosen.
 codesign = options.out / "codesign.toml"
 codesign.write_text(
-    PAPER.read_text(encoding="utf-8").replace('name = "paper"', 'name = "codesign"')
+    STUDY.read_text(encoding="utf-8").replace('name = "steady"', 'name = "codesign"')
     + """
 [design]
 big_toe_stiffness_n_mm_per_deg = [0.1, 2.6]

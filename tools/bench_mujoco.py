@@ -208,7 +208,9 @@ def walk_in_mujoco(candidate: Candidate, settings: WalkSettings, step: float) ->
     R_WT, p_WT, com_start = posture()
     fall_height = FALL_HEIGHT * p_WT[2]
     headings = [np.arctan2(R_WT[1, 0], R_WT[0, 0])]
-    frames = step_commands(candidate.gait.commands, step).reshape(FRAMES, -1, len(JOINTS))
+    frames = step_commands(candidate.gait.commands_from(settings.start), step).reshape(
+        FRAMES, -1, len(JOINTS)
+    )
     outcome, steps = Outcome.WALKED, FRAMES
     for frame, commands in enumerate(frames):
         for command in commands:

@@ -22,7 +22,7 @@ from drake_gait.servo import Servo
 from drake_gait.simulation import simulate as simulation
 from drake_gait.simulation.plant import add_robot, build_robot
 from drake_gait.study.reading import default_study, read_study
-from drake_gait.walk import DEFAULT_MODEL, INTEGRATORS, Fidelity, Walk, WalkSettings
+from drake_gait.walk import DEFAULT_MODEL, Walk, WalkSettings
 
 NOISE = np.radians(0.05)
 
@@ -42,7 +42,7 @@ def settled(foot: FootDesign) -> FloatArray:
     context = robot.diagram.CreateDefaultContext()
     plant_context = robot.plant.GetMyMutableContextFromRoot(context)
     robot.set_foot(plant_context, foot)
-    simulation.start(robot.diagram, context, INTEGRATORS[Fidelity.SEARCH]).AdvanceTo(1.0)
+    simulation.start(robot.diagram, context, WalkSettings().stepping).AdvanceTo(1.0)
     positions: FloatArray = robot.plant.GetPositions(plant_context)
     return positions
 
@@ -50,7 +50,9 @@ def settled(foot: FootDesign) -> FloatArray:
 def walk_from(candidate: Candidate, positions: FloatArray) -> Walk:
     """Walk a candidate from given positions."""
     settings = WalkSettings()
-    robot, context = simulation.prepare(candidate.gait.commands, candidate.foot, settings)
+    robot, context = simulation.prepare(
+        candidate.gait.commands_from(settings.start), candidate.foot, settings
+    )
     plant_context = robot.plant.GetMyMutableContextFromRoot(context)
     robot.plant.SetPositions(plant_context, positions)
     return simulation._advance(robot, context, settings)

@@ -254,7 +254,7 @@ def overhead(
         bare_time, full_time = [], []
         for _ in range(repeats):
             robot, context = simulation.prepare(
-                candidate.gait.commands, candidate.foot, walk, logged=False
+                candidate.gait.commands_from(walk.start), candidate.foot, walk, logged=False
             )
             start = time.process_time()
             simulator = simulation.start(robot.diagram, context, walk.stepping)

@@ -9,7 +9,7 @@ import numpy as np
 
 from drake_gait.files.destination import check, make_folder, write
 from drake_gait.files.strict_json import plain, to_json
-from drake_gait.gait import FloatArray
+from drake_gait.gait import FloatArray, Start
 from drake_gait.report.page import FIGURES, PORTRAIT, Run, write_study_page
 from drake_gait.report.result import in_words, summary
 from drake_gait.search.confirmation import walked_as
@@ -81,7 +81,7 @@ def write_outputs(
     result: dict[str, Any] = plain({
         **summary(settings, walks, network, wall_s=wall_s, baselines=baselines),
         "measures": asdict(measures) if measures else None,
-        "jumps_deg": _jumps(best) if best else None,
+        "jumps_deg": _jumps(best, settings.walk.start) if best else None,
     })  # fmt: skip
     write(folder / "result.json", to_json(result) + "\n")
     make_folder(folder / FIGURES)
@@ -104,8 +104,8 @@ def write_outputs(
     )
 
 
-def _jumps(best: StudyWalk) -> dict[str, float]:
-    jumps = np.degrees(np.abs(best.candidate.gait.jumps)).max(axis=1)
+def _jumps(best: StudyWalk, start: Start) -> dict[str, float]:
+    jumps = np.degrees(np.abs(best.candidate.gait.jumps_from(start))).max(axis=1)
     return {"0.3 s": float(jumps[0]), "3.3 s": float(jumps[1])}
 
 
