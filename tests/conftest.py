@@ -175,9 +175,13 @@ half_width_deg = [[1, 1, 1, 1], [2, 2, 2, 2], [2, 2, 2, 2], [2, 2, 2, 2]]
 lateral_mm = 15
 yaw_deg = 4.0
 com_height_mm = 240.0
+[gait]
+start = "paper"
 [walk]
 model = "khr3hv_cad.sdf"
+sole = "points"
 fidelity = "reference"
+step_ms = 2.5
 time_limit_s = 30
 [servo]
 stiffness_n_m_per_rad = 12.0

@@ -20,6 +20,7 @@ from drake_gait.gait import (
     TERMS,
     WAVEFORMS,
     Gait,
+    Start,
     joint_commands,
 )
 from drake_gait.servo import TRAVEL
@@ -359,3 +360,43 @@ def test_a_command_that_no_servo_can_follow_is_named(gait, value, frame, joint):
 def test_degrees_in_the_place_of_radians_are_refused_with_the_cure(gait):
     with pytest.raises(SettingsError, match="radians"):
         joint_commands(np.degrees(gait.commands))
+
+
+# --- The start ------------------------------------------------------------------------------------
+
+
+def test_the_paper_s_start_is_eqs_3_to_9(gait):
+    assert gait.commands_from(Start.PAPER) is gait.commands
+
+
+@given(any_coefficients)
+def test_a_ramp_begins_upright_and_is_the_paper_s_schedule_once_it_is_whole(coefficients):
+    gait = Gait(coefficients=coefficients)
+    ramped = gait.commands_from(Start.RAMP)
+    assert not ramped[0].any()
+    assert ramped[45:] == pytest.approx(gait.commands[45:], abs=1e-12)
+
+
+@given(any_coefficients)
+def test_a_ramped_command_is_a_growing_part_of_the_gait_function(coefficients):
+    gait = Gait(coefficients=coefficients)
+    frames = np.arange(46)
+    roll = gait.waveforms(frames * FRAME_TIME)[:, 0]
+    part = np.sin(np.pi * frames / 90.0) ** 2  # a raised cosine
+    ramped = gait.commands_from(Start.RAMP)[:46]
+    assert ramped[:, JOINTS.index("hip_roll_l")] == pytest.approx(part * roll, abs=1e-12)
+
+
+def test_ramped_commands_cannot_be_changed(gait):
+    with pytest.raises(ValueError, match="read-only"):
+        gait.commands_from(Start.RAMP)[0, 0] = 1.0
+
+
+def test_a_ramp_has_the_jump_at_the_end_only(gait):
+    first, last = gait.jumps_from(Start.RAMP)
+    assert not first.any()
+    assert (last == gait.jumps[1]).all()
+    assert (gait.jumps_from(Start.PAPER) == gait.jumps).all()
+    # No joint is sent further in a frame of the ramp than the gait function itself goes.
+    ramped = np.abs(np.diff(gait.commands_from(Start.RAMP)[:45], axis=0)).max()
+    assert ramped < 1.5 * np.abs(np.diff(gait.commands[45:160], axis=0)).max()

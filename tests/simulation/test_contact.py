@@ -15,6 +15,7 @@ from pydrake.multibody.tree import (
     FixedOffsetFrame,
     PrismaticJoint,
     RevoluteJoint,
+    RevoluteSpring,
     SpatialInertia,
     UnitInertia,
 )
@@ -327,3 +328,60 @@ def test_fidelity_and_sole_choose_the_integrator(
 @pytest.mark.parametrize(("step", "steps"), [(0.0025, 8), (0.003, 7), (0.02, 1), (0.0033, 7)])
 def test_a_frame_has_equal_steps_none_longer_than_asked_for(step: float, steps: int) -> None:
     assert WalkSettings(step=step).stepping.step == pytest.approx(0.02 / steps, abs=1e-15)
+
+
+# --- A toe ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("sole", NEW)
+def test_a_bent_toe_presses_the_ground_with_what_its_spring_gives(sole: Sole) -> None:
+    stiffness, length, bent = 0.03, 0.028, np.radians(20.0)
+    builder = DiagramBuilder()
+    config = MultibodyPlantConfig(time_step=0.0, contact_model="hydroelastic_with_fallback")
+    plant, _ = AddMultibodyPlant(config, builder)
+    plant.set_name("plant")
+    toe = plant.AddRigidBody(
+        "big_toe_l", SpatialInertia.SolidBoxWithMass(0.01, length, 0.022, 0.005)
+    )
+    # The heel part is up by 20 degrees: the spring would bend the toe into the ground as far.
+    heel = RigidTransform(RollPitchYaw(0.0, bent, 0.0), np.array([0.0, 0.0, 1e-4]))
+    frame = plant.AddFrame(FixedOffsetFrame("heel", plant.world_frame(), heel))
+    hinge = plant.AddJoint(
+        RevoluteJoint("hinge", frame, toe.body_frame(), np.array([0.0, 1.0, 0.0]), 1e-3)
+    )
+    plant.AddForceElement(RevoluteSpring(hinge, 0.0, stiffness))
+    plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
+    plate = Plate(
+        link="big_toe_l",
+        X_LP=RigidTransform(np.array([length / 2.0, 0.0, 0.0])),
+        length=length,
+        width=0.022,
+        friction=CoulombFriction(SURFACE, SURFACE),
+    )
+    add_soles(plant, [plate], sole)
+    add_ground(plant, sole)
+    plant.Finalize()
+    diagram = builder.Build()
+    context = diagram.CreateDefaultContext()
+    plant_context = plant.GetMyMutableContextFromRoot(context)
+    hinge.set_angle(plant_context, -bent)
+    start(diagram, context, Integrator(step=0.001)).AdvanceTo(0.5)
+    copy = diagram.CreateDefaultContext()
+    at_rest = plant.GetMyMutableContextFromRoot(copy)
+    plant.SetPositions(at_rest, plant.GetPositions(plant_context))
+    results = plant.get_contact_results_output_port().Eval(at_rest)
+    patches = (
+        results.hydroelastic_contact_info(index)
+        for index in range(results.num_hydroelastic_contacts())
+    )
+    pairs = (
+        results.point_pair_contact_info(index) for index in range(results.num_point_pair_contacts())
+    )
+    moments = [
+        one.contact_surface().centroid()[0] * abs(one.F_Ac_W().translational()[2])
+        + one.F_Ac_W().rotational()[1] * np.sign(-one.F_Ac_W().translational()[2])
+        for one in patches
+    ] + [one.contact_point()[0] * abs(one.contact_force()[2]) for one in pairs]
+    angle = hinge.get_angle(plant_context)
+    assert angle == pytest.approx(-bent, abs=np.radians(1.0))
+    assert sum(moments) == pytest.approx(-stiffness * angle, rel=0.05)

@@ -8,6 +8,8 @@ import pytest
 from conftest import EVERY_KEY, MINIMAL
 
 from drake_gait.errors import SettingsError
+from drake_gait.gait import Start
+from drake_gait.sole import Sole
 from drake_gait.study.reading import default_study, read_override, read_study
 from drake_gait.study.search_settings import SearchSettings
 from drake_gait.study.settings import study_settings
@@ -402,3 +404,48 @@ def test_a_study_that_does_not_exist_is_told_with_its_path(tmp_path):
         read_study(tmp_path / "nowhere.toml")
     with pytest.raises(SettingsError, match="cannot read study"):
         read_study(tmp_path)
+
+
+# --- What walks on which sole, from which start ---------------------------------------------------
+
+
+def test_a_new_study_walks_on_areas_from_a_ramp(read):
+    walk = read(MINIMAL).walk
+    assert (walk.sole, walk.start, walk.stepping.step) == (Sole.AREA, Start.RAMP, 0.004)
+
+
+def test_a_file_names_sole_start_and_step(read):
+    walk = read(EVERY_KEY).walk
+    assert (walk.sole, walk.start, walk.step) == (Sole.POINTS, Start.PAPER, 0.0025)
+
+
+def test_a_study_of_before_walked_on_boxes_from_the_paper_s_start(read):
+    description = read(MINIMAL).description()
+    for key in ("walk.sole", "walk.step", "walk.friction", "gait.start"):
+        del description[key]
+    walk = study_settings(description).walk
+    assert (walk.sole, walk.start, walk.step, walk.friction) == (
+        Sole.BOXES,
+        Start.PAPER,
+        0.004,
+        1.0,
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "allowed"),
+    [
+        (("walk", "sole"), "mud", "area, points, boxes"),
+        (("walk", "sole"), 3, "area, points, boxes"),
+        (("gait", "start"), "blend", "ramp, paper"),
+        (("gait", "start"), ["ramp"], "ramp, paper"),
+        (("walk", "step_ms"), 0.01, "0.1 to 20 ms"),
+        (("walk", "step_ms"), 40, "0.1 to 20 ms"),
+    ],
+)
+def test_a_sole_a_start_or_a_step_that_is_none_is_refused(read, name, value, allowed):
+    with pytest.raises(SettingsError) as refused:
+        read(MINIMAL, {name: value})
+    text = str(refused.value)
+    assert "\n" not in text
+    assert all(part in text for part in (".".join(name), allowed, repr(value)))
