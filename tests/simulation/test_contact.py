@@ -1,6 +1,8 @@
 """Laws of the soles: what edges and plates carry, how they slide, and that all soles agree."""
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,6 +26,7 @@ from pydrake.systems.framework import Context, DiagramBuilder
 
 from drake_gait import Candidate, FootDesign, Gait, WalkSettings, simulate
 from drake_gait.gait import FRAMES, JOINTS, FloatArray, Start
+from drake_gait.robot.description import model_path
 from drake_gait.servo import Servo
 from drake_gait.simulation.contact import Plate, add_ground, add_soles, plates, sole_mesh
 from drake_gait.simulation.plant import build_robot
@@ -219,6 +222,36 @@ def test_soles_lie_under_their_plates_in_the_size_of_the_design(
     sizes = {plate.link: (plate.length, plate.width) for plate in found}
     assert sizes["big_toe_r"] == pytest.approx((foot.toe_length, foot.big_toe_width))
     assert sizes["lesser_toes_l"] == pytest.approx((foot.toe_length, foot.lesser_toes_width))
+
+
+@pytest.mark.parametrize(
+    ("angles", "size"),
+    [
+        ("0 0 0", "0.095 0.078 0.005"),
+        ("0 1.570796326794897 0", "0.005 0.078 0.095"),
+        ("1.570796326794897 0 0", "0.095 0.005 0.078"),
+        ("0 0 1.570796326794897", "0.078 0.095 0.005"),
+        ("3.141592653589793 0 3.141592653589793", "0.095 0.078 0.005"),
+    ],
+)
+def test_a_box_gives_the_same_sole_on_whichever_side_it_is_written(
+    angles: str, size: str, tmp_path: Path
+) -> None:
+    old = "0.095 0.078 0.005"
+    text = model_path().read_text(encoding="utf-8")
+    begin = text.index('<collision name="heel_collision">')
+    end = text.index("</collision>", begin)
+    part = re.sub(r"(<pose>\S+ \S+ \S+)[^<]*", rf"\g<1> {angles}", text[begin:end], count=1)
+    assert old in part
+    path = tmp_path / "turned.sdf"
+    path.write_text(text[:begin] + part.replace(old, size) + text[end:], encoding="utf-8")
+    usual, turned = (
+        plates(robot.plant, robot.scene_graph)
+        for robot in (build_robot(model, None, Servo()) for model in ("khr3hv.sdf", path))
+    )
+    for plate, other in zip(usual, turned, strict=True):
+        assert (other.link, other.length, other.width) == (plate.link, plate.length, plate.width)
+        assert other.X_LP.IsNearlyEqualTo(plate.X_LP, 1e-9)
 
 
 def test_the_friction_of_the_walk_scales_that_of_every_sole() -> None:

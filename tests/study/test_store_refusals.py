@@ -13,6 +13,7 @@ import pytest
 from conftest import DESCRIPTION
 
 from drake_gait.errors import StudyError
+from drake_gait.study.keys import OLDER
 from drake_gait.study.reading import read_study
 from drake_gait.study.store import SCHEMA, Study
 
@@ -257,6 +258,14 @@ def test_a_setting_that_only_one_side_has_is_refused_by_its_name(study, settings
     name = "search.new" if "search.new" in settings else "search.samples"
     with pytest.raises(StudyError, match=name):
         study.require({**DESCRIPTION, "settings": wanted})
+
+
+def test_a_study_of_before_is_resumed_on_its_boxes_and_on_no_other_sole(study):
+    began = DESCRIPTION["settings"]
+    study.require({**DESCRIPTION, "settings": {**began, **OLDER}})
+    now = {**began, **OLDER, "walk.sole": "area"}
+    with pytest.raises(StudyError, match=r"walk\.sole = boxes, not area"):
+        study.require({**DESCRIPTION, "settings": now})
 
 
 def test_another_path_of_the_same_robot_is_accepted_and_another_robot_is_not(study):
