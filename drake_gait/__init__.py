@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from drake_gait.foot import FootDesign
-    from drake_gait.gait import Gait
+    from drake_gait.gait import Gait, Start
     from drake_gait.problem.problem import Candidate, Constraints, DesignSpace, assess
     from drake_gait.servo import Servo
     from drake_gait.simulation.simulate import simulate
+    from drake_gait.sole import Sole
     from drake_gait.study.reading import read_study
     from drake_gait.study.store import Study
     from drake_gait.walk import Fidelity, Outcome, Walk, WalkSettings
@@ -23,9 +24,10 @@ __version__ = "0.2.0"
 
 _HOMES = {
     "foot": ("FootDesign",),
-    "gait": ("Gait",),
+    "gait": ("Gait", "Start"),
     "problem.problem": ("Candidate", "Constraints", "DesignSpace", "assess"),
     "servo": ("Servo",),
+    "sole": ("Sole",),
     "study.reading": ("read_study",),
     "simulation.simulate": ("simulate",),
     "study.store": ("Study",),
@@ -41,6 +43,8 @@ __all__ = [
     "Gait",
     "Outcome",
     "Servo",
+    "Sole",
+    "Start",
     "Study",
     "Walk",
     "WalkSettings",

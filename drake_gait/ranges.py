@@ -2,7 +2,8 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from enum import StrEnum
+from typing import Any, TypeVar
 
 from drake_gait.errors import SettingsError
 
@@ -76,6 +77,26 @@ class OutOfRangeError(SettingsError):
     def told(self, name: str, value: Any, unit: Unit) -> str:
         """Return the message for a name and a value, with the range in a unit."""
         return f"{name} {self._demand} {self._allowed.in_words(unit)}, got {value}"
+
+
+_Choice = TypeVar("_Choice", bound=StrEnum)
+
+
+def choice(kind: type[_Choice], name: str, value: Any) -> _Choice:
+    """Return the member of an enumeration that is meant.
+
+    Args:
+        kind: The enumeration.
+        name: What is chosen, for the message.
+        value: A member or its value.
+
+    Raises:
+        SettingsError: there is none.
+    """
+    try:
+        return kind(value)
+    except ValueError:
+        raise SettingsError(f"{name} must be one of {', '.join(kind)}, got {value!r}") from None
 
 
 def check(name: str, value: float, allowed: Range, unit: Unit = NONE) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from drake_gait.errors import SettingsError
 from drake_gait.gait import FRAME_TIME, FloatArray, Start
-from drake_gait.ranges import POSITIVE, Range, Unit, check
+from drake_gait.ranges import POSITIVE, Range, Unit, check, choice
 from drake_gait.servo import Servo
 from drake_gait.sole import Contact, Sole
 
@@ -97,6 +97,9 @@ class WalkSettings:
     """Computing time after which a walk is given up as diverged [s]."""
 
     def __post_init__(self) -> None:
+        # A member may be given by its value, as a file names it.
+        for name, kind in (("fidelity", Fidelity), ("sole", Sole), ("start", Start)):
+            object.__setattr__(self, name, choice(kind, name, getattr(self, name)))
         if not self.time_limit > 0.0:  # Infinity is a limit too.
             check("time_limit", self.time_limit, POSITIVE, Unit(name="s"))
         check("friction", self.friction, Range(lower=0.05, upper=2.25))

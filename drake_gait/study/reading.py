@@ -20,7 +20,7 @@ from drake_gait.problem.problem import (
     Constraints,
     DesignSpace,
 )
-from drake_gait.ranges import check
+from drake_gait.ranges import check, choice
 from drake_gait.robot.description import located
 from drake_gait.servo import Servo
 from drake_gait.sole import Sole
@@ -37,7 +37,7 @@ from drake_gait.study._toml import (
 from drake_gait.study.centre import resolve_centre, whole_path
 from drake_gait.study.keys import BOX, CONFIRMATION, CONSTRAINTS, FOOT, KEYS, SERVO, WALK
 from drake_gait.study.search_settings import ConfirmationSettings, SearchSettings
-from drake_gait.study.settings import FRICTION, Source, StudySettings, choice, study_settings
+from drake_gait.study.settings import FRICTION, Source, StudySettings, study_settings
 from drake_gait.walk import Fidelity, WalkSettings
 
 _OTHER_CENTRE = {"centre_from": "centre_deg", "centre_deg": "centre_from"}

@@ -3,8 +3,7 @@
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from enum import StrEnum
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from drake_gait.problem.problem import (
     assess,
     quantities,
 )
-from drake_gait.ranges import Range, check
+from drake_gait.ranges import Range, check, choice
 from drake_gait.servo import Servo
 from drake_gait.sole import Sole
 from drake_gait.study._toml import (
@@ -30,8 +29,6 @@ from drake_gait.study._toml import (
 from drake_gait.study.keys import KEYS, OLDER
 from drake_gait.study.search_settings import ConfirmationSettings, Mode, SearchSettings
 from drake_gait.walk import Fidelity, Walk, WalkSettings
-
-_Choice = TypeVar("_Choice", bound=StrEnum)
 
 FRICTION = Range(lower=0.1, upper=1.5)
 """A variation may take half of it, or add half, and is still a walk that can be simulated."""
@@ -186,15 +183,3 @@ def study_settings(
             centre_from=source.get("centre_from"),
         ),
     )
-
-
-def choice(kind: type[_Choice], name: str, value: Any) -> _Choice:
-    """Return the member of an enumeration that a setting names.
-
-    Raises:
-        SettingsError: there is none.
-    """
-    try:
-        return kind(value)
-    except ValueError:
-        raise SettingsError(f"{name} must be one of {', '.join(kind)}, got {value!r}") from None

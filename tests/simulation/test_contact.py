@@ -25,6 +25,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder
 
 from drake_gait import Candidate, FootDesign, Gait, WalkSettings, simulate
+from drake_gait.errors import SettingsError
 from drake_gait.gait import FRAMES, JOINTS, FloatArray, Start
 from drake_gait.robot.description import model_path
 from drake_gait.servo import Servo
@@ -418,3 +419,14 @@ def test_a_bent_toe_presses_the_ground_with_what_its_spring_gives(sole: Sole) ->
     angle = hinge.get_angle(plant_context)
     assert angle == pytest.approx(-bent, abs=np.radians(1.0))
     assert sum(moments) == pytest.approx(-stiffness * angle, rel=0.05)
+
+
+@pytest.mark.parametrize("name", ["sole", "start", "fidelity"])
+def test_a_choice_may_be_given_by_its_value_and_by_no_other(name: str) -> None:
+    kind = {"sole": Sole, "start": Start, "fidelity": Fidelity}[name]
+    for member in kind:
+        settings = WalkSettings(**{name: str(member)})
+        assert getattr(settings, name) is member
+        assert settings == WalkSettings(**{name: member})
+    with pytest.raises(SettingsError, match=rf"{name} must be one of .*got 'mud'"):
+        WalkSettings(**{name: "mud"})
