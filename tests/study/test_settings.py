@@ -101,7 +101,7 @@ def test_the_paper_s_study_is_the_paper_s(paper_study):
 def test_the_default_study_is_the_paper_s_from_a_smooth_start_without_gaits_that_twist(paper_study):
     paper, default = (read_study(path).description() for path in (paper_study, default_study()))
     changed = {key for key in default if default[key] != paper[key]}
-    told = {"study.name", "study.question", "box.chosen"}
+    told = {"study.name", "study.question", "box.chosen", "box.centre"}
     assert changed == {*told, "gait.start", "constraints.yaw_swing"}
     assert np.degrees(default["constraints.yaw_swing"]) == pytest.approx(20.0)
 
