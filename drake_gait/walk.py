@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drake_gait.errors import SettingsError
-from drake_gait.gait import FRAME_TIME, FloatArray, Start
+from drake_gait.gait import FRAME_TIME, JOINTS, FloatArray, Start
 from drake_gait.ranges import POSITIVE, Range, Unit, check, choice
 from drake_gait.servo import Servo
 from drake_gait.sole import Contact, Sole
@@ -70,6 +70,28 @@ _REFERENCE_ON_BOXES = Integrator(step=FRAME_TIME, accuracy=1e-4)
 
 
 @dataclass(frozen=True, kw_only=True)
+class Disturbance:
+    """How a robot differs from its description."""
+
+    joint_zeros: tuple[float, ...] = (0.0,) * 10
+    """Where each servo has its zero, added to its commands [rad], ordered as gait.JOINTS."""
+    voltage: float = 1.0
+    """Factor on the supply voltage: on the stall torque and on the no-load speed."""
+    mass: float = 1.0
+    """Factor on the mass and the inertia of every link."""
+
+    def __post_init__(self) -> None:
+        if len(self.joint_zeros) != len(JOINTS):
+            raise SettingsError(
+                f"joint_zeros must be {len(JOINTS)} angles [rad], got {len(self.joint_zeros)}"
+            )
+        for zero in self.joint_zeros:
+            check("joint_zeros", zero, Range(lower=-0.1, upper=0.1), Unit(name="rad"))
+        check("voltage", self.voltage, Range(lower=0.5, upper=2.0))
+        check("mass", self.mass, Range(lower=0.5, upper=2.0))
+
+
+@dataclass(frozen=True, kw_only=True)
 class WalkSettings:
     """How candidates are simulated."""
 
@@ -91,6 +113,8 @@ class WalkSettings:
     """The ten servos."""
     friction: float = 1.0
     """Factor on every coefficient of friction between the feet and the ground."""
+    disturbance: Disturbance | None = None
+    """How the robot differs from its description."""
     measures: bool = False
     """Whether to sum up what a walk costs and how it is walked; it triples the time."""
     time_limit: float = 60.0

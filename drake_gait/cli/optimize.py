@@ -144,6 +144,7 @@ def _write_results(settings: StudySettings, study: Study, folder: Path) -> None:
     walks, wall_s = study.walks(), study.description().get("wall_s", 0.0)
     written = write_outputs(with_robot(settings, study), walks, folder, wall_s=wall_s)
     searched = sum(walk.is_search_walk for walk in walks)
+    print(written.result["verdict"])
     if written.network is not None:
         print(f"network of all {searched} walks: {r_squared_line(written.network)}")
         print(baselines_line(written.result))
@@ -153,8 +154,10 @@ def _write_results(settings: StudySettings, study: Study, folder: Path) -> None:
             f"needs {FEWEST_SURVIVORS}; move the box to gaits that walk, or let more be simulated"
         )
     print(f"\n{table(walks, settings.constraints)}\n")
-    print(f"walked again, with noise and other friction:\n{robust_table(settings, walks)}\n")
-    print(written.result["verdict"])
+    print(
+        "walked again: T1 with noise and other friction, T2 with fresh noise at reference fidelity, "
+        f"T3 with other servos:\n{robust_table(settings, walks)}\n"
+    )
     if written.replayed is not None and written.replayed.measures is not None:
         print(f"how it walks: {manner_in_words(written.replayed.measures)}")
     print(f"{folder}: {', '.join(written.files)}")

@@ -9,7 +9,7 @@ import numpy as np
 
 from drake_gait.problem.problem import OUTPUTS, Constraints
 from drake_gait.provenance import versions
-from drake_gait.study.finalists import Finalist, best_unslipping, finalists, winner
+from drake_gait.study.finalists import Finalist, Tier, best_unslipping, finalists, winner
 from drake_gait.study.ranking import best_walk, feasible_walks
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
@@ -58,6 +58,8 @@ def summary(
         "verdict": verdict(settings, walks),
         "walk": best.id if best else None,
         "winner": robust.walk.id if robust else None,
+        "tier": int(robust.tier) if robust else int(Tier.FOUND),
+        "trusted_mm": _mm(robust.trusted) if robust else None,
         "nominal_best": nominal_best.id if nominal_best else None,
         "best_unslipping": unslipping.id if unslipping else None,
         "finalists": [_finalist(settings, one) for one in finalists(settings, walks)],
@@ -110,11 +112,44 @@ def verdict(settings: StudySettings, walks: Sequence[StudyWalk]) -> str:
         return f"None of {count} {why}; the nearest is {words}."
     robust = winner(settings, walks)
     if robust is None:
-        return f"The best of {count} is {words}."
+        return f"{untrusted(settings, robust)} The best of {count} is {words}."
+    if robust.trusted is None:
+        return (
+            f"{untrusted(settings, robust)} The best that repeats, of {count}, is walk "
+            f"{robust.walk.id}: {1e3 * robust.median:.1f} mm in the median of "
+            f"{len(robust.variations)} walks with noise."
+        )
     return (
-        f"The winner of {count} is walk {robust.walk.id}: {1e3 * robust.median:.1f} mm in the "
-        f"median of {len(robust.variations)} walks with noise."
+        f"The winner of {count} is walk {robust.walk.id}, which can be trusted: "
+        f"{1e3 * robust.trusted:.1f} mm in the median of {len(robust.converged)} walks with noise "
+        f"at reference fidelity, {robust.converged_feasible} of them feasible."
     )
+
+
+def untrusted(settings: StudySettings, best: Finalist | None) -> str:
+    """Return why no gait of a study can be trusted, and what to do, as text."""
+    plan = settings.confirmation
+    if not plan.walks:
+        return "No gait is known to hold: none was walked again; raise confirmation.walks."
+    if not plan.reference_walks:
+        what = "none was tried" if best else "none repeats"
+        return (
+            f"No gait is known to hold at reference fidelity: {what}; begin another study with "
+            "confirmation.reference_walks > 0."
+        )
+    if best is None:
+        return (
+            "No gait holds: none repeats with noise at the search's fidelity; raise "
+            "search.simulations, or take another seed or box."
+        )
+    return (
+        "No gait holds at reference fidelity; raise search.simulations, or take another seed or "
+        "a finer walk.fidelity."
+    )
+
+
+def _mm(length: float | None) -> float | None:
+    return None if length is None else 1e3 * length
 
 
 def _finalist(settings: StudySettings, finalist: Finalist) -> dict[str, Any]:
@@ -129,6 +164,10 @@ def _finalist(settings: StudySettings, finalist: Finalist) -> dict[str, Any]:
         "feasible": finalist.feasible,
         "of": len(finalist.variations),
         "robust": finalist.robust,
+        "tier": int(finalist.tier),
+        "trusted_mm": _mm(finalist.trusted),
+        "converged": _counts(finalist.converged, finalist.converged_feasible),
+        "servo": _counts(finalist.servo, finalist.servo_feasible),
         "slipping": finalist.slipping,
         "reference": reference
         and {
@@ -141,30 +180,52 @@ def _finalist(settings: StudySettings, finalist: Finalist) -> dict[str, Any]:
     }
 
 
+def _counts(walks: Sequence[StudyWalk], feasible: int) -> dict[str, Any] | None:
+    """Return how the walks of a tier ended; None without any."""
+    if not walks:
+        return None
+    distances = [1e3 * walk.walk.forward for walk in walks]
+    return {
+        "of": len(walks),
+        "survived": sum(walk.walk.survived for walk in walks),
+        "feasible": feasible,
+        "median_mm": float(np.median(distances)),
+        "worst_mm": min(distances),
+    }
+
+
 def robust_table(settings: StudySettings, walks: Sequence[StudyWalk]) -> str:
     """Return the candidates that were walked again in full, as text; a sentence without any."""
     lines = [
-        " walk   Z [mm]   median    worst   feasible   reference: Z [mm]   X [mm]  R [deg]",
+        " walk   Z [mm]   T1: median  feasible   T2: median  feasible   T3: upright  feasible   tier",
     ]
     for one in finalists(settings, walks):
         if len(one.variations) < settings.confirmation.replicas:
             continue
-        line = (
-            f"{one.walk.id:5d} {1e3 * one.walk.walk.forward:8.1f} {1e3 * one.median:8.1f} "
-            f"{1e3 * one.worst:8.1f}     {one.feasible} of {len(one.variations)}"
+        parts = (
+            f"{one.walk.id:5d} {1e3 * one.walk.walk.forward:8.1f}",
+            _in_tier(one.variations, one.feasible, f"{1e3 * one.median:.1f}"),
+            _in_tier(one.converged, one.converged_feasible, _median_mm(one.converged)),
+            _in_tier(one.servo, one.servo_feasible, _upright(one.servo)),
+            f"T{one.tier}",
         )
-        if one.reference is not None:
-            walk = one.reference.walk
-            known = _distances(walk)
-            line += (
-                f"            {_rounded(known['forward_mm'], 1):>8} "
-                f"{_rounded(known['lateral_mm'], 1):>8} {_rounded(known['yaw_deg'], 2):>8}"
-            )
-            line += "" if walk.survived else f"   {walk.reason}"
-        lines.append(line + ("   robust" if one.robust else ""))
+        lines.append("   ".join(parts))
     if len(lines) == 1:
         return " none: no candidate is feasible, or [confirmation] leaves no walks for it"
     return "\n".join(lines)
+
+
+def _in_tier(walks: Sequence[StudyWalk], feasible: int, told: str) -> str:
+    share = f"{feasible} of {len(walks)}" if walks else "-"
+    return f"{told:>10}  {share:>8}"
+
+
+def _median_mm(walks: Sequence[StudyWalk]) -> str:
+    return f"{1e3 * float(np.median([walk.walk.forward for walk in walks])):.1f}" if walks else "-"
+
+
+def _upright(walks: Sequence[StudyWalk]) -> str:
+    return f"{sum(walk.walk.survived for walk in walks)} of {len(walks)}" if walks else "-"
 
 
 def table(walks: Sequence[StudyWalk], limits: Constraints) -> str:

@@ -106,7 +106,7 @@ def _paper_s_numbers(lateral: float, forward: float, yaw: float, steps: int) -> 
 
 
 def finalists(result: Mapping[str, Any], *, dropped: bool = False) -> Table | None:
-    """How the finalists walked again, perturbed and at reference fidelity; None without any.
+    """How the finalists walked again, tier by tier; None without any.
 
     Those that were walked in full, or those that were not.
     """
@@ -114,25 +114,29 @@ def finalists(result: Mapping[str, Any], *, dropped: bool = False) -> Table | No
     found = [
         entry
         for entry in result.get("finalists") or []
-        if (entry["reference"] is None and entry["walk"] != winner) == dropped
+        if (entry["reference"] is None and not entry.get("converged") and entry["walk"] != winner)
+        == dropped
     ]
     if not found:
         return None
     rows = []
     for entry in found:
         finer = entry.get("reference") or {}
-        of = entry["of"]
+        of, converged, servo = entry["of"], entry.get("converged"), entry.get("servo")
         rows.append([
             str(entry["walk"]),
             number(entry["forward_mm"], 1), number(entry["median_mm"], 1),
             number(entry["worst_mm"], 1),
             f"{entry['survived']} of {of}", f"{entry['feasible']} of {of}",
+            "–" if (tier := _tier(entry)) is None else f"T{tier}", number(converged and converged["median_mm"], 1),
+            _share(converged, "feasible"), _share(servo, "survived"), _share(servo, "feasible"),
             str(finer.get("outcome", "–")), number(finer.get("forward_mm"), 1),
             number(finer.get("lateral_mm"), 1), number(finer.get("yaw_deg"), 1),
             "–" if finer.get("feasible") is None else "yes" if finer["feasible"] else "no",
         ])  # fmt: skip
     columns = ["walk", "Z alone [mm]", "median Z [mm]", "worst Z [mm]", "on its feet", "feasible",
-               "finer: it", "Z [mm]", "X [mm]", "R [deg]", "feasible there"]  # fmt: skip
+               "tier", "T2: median Z [mm]", "T2: feasible", "T3: on its feet", "T3: feasible",
+               "finer, alone: it", "Z [mm]", "X [mm]", "R [deg]", "feasible there"]  # fmt: skip
     if dropped:  # None of these was walked any finer.
         return Table(
             caption="Dropped when too few were feasible, or all walks were used: with noise on "
@@ -141,12 +145,22 @@ def finalists(result: Mapping[str, Any], *, dropped: bool = False) -> Table | No
             rows=[row[:_NOT_FINER] for row in rows],
         )
     return Table(
-        caption="The finalists, walked again: with noise on every coefficient and other friction, "
-        "and finer",
+        caption="The finalists, walked again: with noise on every coefficient and other friction "
+        "(T1), with fresh noise and finer (T2), with other servos and masses (T3)",
         columns=columns,
         rows=rows,
         marked=_place_of_winner(found, result),
     )
+
+
+def _tier(entry: Mapping[str, Any]) -> int | None:
+    """Return the tier of a finalist; older results say only whether it repeats."""
+    tier = entry.get("tier", int(entry["robust"]) if "robust" in entry else None)
+    return None if tier is None else int(tier)
+
+
+def _share(counts: Mapping[str, Any] | None, key: str) -> str:
+    return f"{counts[key]} of {counts['of']}" if counts else "–"
 
 
 def manner_of_finalists(result: Mapping[str, Any]) -> Table | None:
@@ -328,7 +342,8 @@ def side_by_side(names: Sequence[str], results: Sequence[Mapping[str, Any]]) -> 
          *(number(result["r2_heldout"].get(output), 2) for result in results)]
         for output in ("forward", "lateral", "yaw")
     ]  # fmt: skip
-    for label, key in (("median Z of the winner [mm]", "median_mm"),
+    for label, key in (("trusted Z of the winner [mm]", "trusted_mm"),
+                       ("median Z of the winner [mm]", "median_mm"),
                        ("worst Z of the winner [mm]", "worst_mm")):  # fmt: skip
         values = [_of_winner(result, key) for result in results]
         if any(value is not None for value in values):
@@ -353,7 +368,7 @@ def _largest(value: Any) -> float | None:
 def _of_winner(result: Mapping[str, Any], key: str) -> float | None:
     for entry in result.get("finalists") or []:
         if entry["walk"] == result.get("winner"):
-            return None if entry[key] is None else float(entry[key])
+            return None if entry.get(key) is None else float(entry[key])
     return None
 
 

@@ -95,23 +95,41 @@ class Runner:
         """Wait for the walks that are under way, and keep each as it finishes."""
         planned, walking = self._under_way
         for finished in walking:
-            plan = planned[finished.index]
-            walk = StudyWalk(
-                id=plan.id,
-                stage=plan.stage,
-                iteration=plan.iteration,
-                nominal=plan.nominal,
-                variation=plan.variation,
-                candidate=plan.trial.candidate,
-                walk=finished.walk,
-                predicted=plan.predicted,
-                seconds=finished.seconds,
-            )
-            self.study.add(walk)
-            self.walks[walk.id] = walk
-            self._count(walk)
-            self.report(self.progress())
+            self._keep(planned[finished.index], finished)
         self._under_way = (), iter(())
+
+    def begin(self, plan: Planned) -> Callable[[], StudyWalk]:
+        """Start one walk beside others that are under way; return what waits for it.
+
+        Whoever begins walks waits for each: one that nobody waits for is not kept.
+        """
+        if plan.id in self.walks:
+            return lambda: self.walks[plan.id]
+        walking = iter(self.evaluate([plan.trial]))
+
+        def wait() -> StudyWalk:
+            for finished in walking:
+                self._keep(plan, finished)
+            return self.walks[plan.id]
+
+        return wait
+
+    def _keep(self, plan: Planned, finished: Finished) -> None:
+        walk = StudyWalk(
+            id=plan.id,
+            stage=plan.stage,
+            iteration=plan.iteration,
+            nominal=plan.nominal,
+            variation=plan.variation,
+            candidate=plan.trial.candidate,
+            walk=finished.walk,
+            predicted=plan.predicted,
+            seconds=finished.seconds,
+        )
+        self.study.add(walk)
+        self.walks[walk.id] = walk
+        self._count(walk)
+        self.report(self.progress())
 
     def progress(self) -> Progress:
         """How far the study is."""

@@ -20,6 +20,8 @@ class Purpose(IntEnum):
     """Initial weights and folds of the network that recommends what is confirmed."""
     SCREENING = 6
     """Trials of ISADE of which a network walks the best."""
+    SERVO = 7
+    """Servos and masses of a walk that the winner is walked again with."""
     GRID_NOISE = 11
     """Noise on the coefficients of the walks of a grid of feet."""
     TRUST = 12

@@ -20,6 +20,7 @@ from pydrake.multibody.tree import (
     RevoluteJoint,
     RevoluteSpring,
     RigidBody,
+    SpatialInertia,
 )
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
@@ -81,6 +82,24 @@ class Robot:
             joint = self.plant.GetJointByName(hinge)
             damping: FloatArray = np.array([foot.toe_damping])
             joint.SetDampingVector(plant_context, damping)
+
+    def scale_stall_torques(self, factor: float) -> None:
+        """Change what every servo can hold, in all contexts that are made from now on."""
+        if factor == 1.0:
+            return
+        for name in JOINTS:
+            actuator = self.plant.GetJointActuatorByName(name)
+            actuator.set_effort_limit(factor * actuator.effort_limit())
+
+    def scale_masses(self, plant_context: Context, factor: float) -> None:
+        """Change mass and inertia of every link, in a context."""
+        if factor == 1.0:
+            return
+        for index in self.plant.GetBodyIndices(self.plant.GetBodyByName(BASE).model_instance()):
+            body = self.plant.get_body(index)
+            own = body.CalcSpatialInertiaInBodyFrame(plant_context)
+            scaled = SpatialInertia(factor * own.get_mass(), own.get_com(), own.get_unit_inertia())
+            body.SetSpatialInertiaInBodyFrame(plant_context, scaled)
 
 
 def add_robot(

@@ -30,6 +30,7 @@ from drake_gait.walk import (
     FALL_HEIGHT,
     FALL_TILT,
     SEARCH_STEP,
+    Disturbance,
     Integrator,
     Outcome,
     Walk,
@@ -165,14 +166,19 @@ def prepare(
     time_step = stepping.step if stepping.discrete else 0.0
     model, body, friction = read_model(settings.model), foot.body, settings.friction
     ground = settings.sole, settings.contact
-    robot = _robot(model, body, settings.servo, *ground, time_step, friction, logged)
+    changed = settings.disturbance or Disturbance()
+    robot = _robot(
+        model, body, settings.servo, *ground, time_step, friction, logged, changed.voltage
+    )
     context = robot.diagram.CreateDefaultContext()
     plant_context = robot.plant.GetMyMutableContextFromRoot(context)
     robot.set_foot(plant_context, foot)
     standing = _standing(model, settings.servo, *ground, rigid_toes=foot.rigid_toes)
     robot.plant.SetPositions(plant_context, standing)
+    robot.scale_masses(plant_context, changed.mass)
     gait_context = robot.gait.GetMyMutableContextFromRoot(context)
-    robot.gait.set_commands(gait_context, commands, lead=stepping.lead)
+    sent = commands + np.array(changed.joint_zeros)
+    robot.gait.set_commands(gait_context, sent, lead=stepping.lead)
     return robot, context
 
 
@@ -186,12 +192,16 @@ def _robot(
     time_step: float = 0.0,
     friction: float = 1.0,
     logged: bool = False,
+    voltage: float = 1.0,
 ) -> Robot:
     """One diagram serves every gait and every toe spring of a foot's body."""
-    return build_robot(
+    robot = build_robot(
         model, body, servo, time_step=time_step, friction=friction, logged=logged, sole=sole,
         contact=contact,
     )  # fmt: skip
+    # Back-EMF per speed is stall torque / no-load speed, which both scale: it stays.
+    robot.scale_stall_torques(voltage)
+    return robot
 
 
 @lru_cache(maxsize=4)

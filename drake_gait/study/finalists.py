@@ -2,11 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from drake_gait.study.records import StudyWalk
+from drake_gait.study.search_settings import ConfirmationSettings
 from drake_gait.walk import Measures
 
 if TYPE_CHECKING:  # Settings may be read from an earlier study, whose winner is asked for here.
@@ -18,34 +20,87 @@ _SLIPPING = 0.1
 """A walk that slips by more than this part of its distance is a shuffle."""
 
 
+class Tier(IntEnum):
+    """How far a candidate is to be trusted.
+
+    The walks of its tiers are variations of its own walk, numbered through: `replicas` of REPEATS
+    from 1 on, as many of CONVERGED, then those of SERVO. Nobody fails SERVO; it is reported.
+    """
+
+    FOUND = 0
+    """It walked once, as the search proposed it."""
+    REPEATS = 1
+    """It is feasible with noise on its coefficients and other friction."""
+    CONVERGED = 2
+    """It is so with fresh noise at reference fidelity."""
+    SERVO = 3
+    """It was walked with other servos, supply, joint zeros and masses."""
+
+    def variations(self, plan: ConfirmationSettings) -> range:
+        """Return the numbers of the variations that test it; none of FOUND."""
+        first = 1 + plan.replicas * (self.value - 1)
+        count = plan.servo_walks if self is Tier.SERVO else plan.replicas
+        return range(first, first + count) if self else range(0)
+
+
+TESTS = (Tier.REPEATS, Tier.CONVERGED)
+"""The tiers that a candidate can fail to reach."""
+
+
+def tier_of(plan: ConfirmationSettings, variation: int) -> Tier:
+    """Return the tier that a walk which confirms another one is a test of."""
+    tests = (Tier.REPEATS, Tier.CONVERGED, Tier.SERVO)
+    return next((one for one in tests if variation in one.variations(plan)), Tier.FOUND)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Finalist:
     """A candidate with the walks that confirm it, or do not."""
 
     walk: StudyWalk
     """The walk of the search."""
+    tier: Tier
+    """The highest tier whose test it has passed: FOUND, REPEATS or CONVERGED."""
     variations: tuple[StudyWalk, ...]
     """Its perturbed walks; fewer than planned where it was dropped."""
     feasible: int
     """How many of them are feasible."""
     survived: int
     """How many of them ended on their feet."""
+    converged: tuple[StudyWalk, ...]
+    """Its perturbed walks at reference fidelity; fewer than planned where it was dropped."""
+    converged_feasible: int
+    """How many of them are feasible."""
+    servo: tuple[StudyWalk, ...]
+    """Its walks with other servos and masses; none but of a winner."""
+    servo_feasible: int
+    """How many of them are feasible."""
     measured: StudyWalk | None
     """The same walk again, with its measures."""
     reference: StudyWalk | None
-    """The candidate at reference fidelity."""
-    robust: bool
-    """Whether as many are feasible as the study asks for."""
+    """The candidate at reference fidelity, without noise."""
+
+    @property
+    def robust(self) -> bool:
+        """Whether it repeats at the search's fidelity."""
+        return self.tier >= Tier.REPEATS
+
+    @property
+    def trusted(self) -> float | None:
+        """Trusted distance [m]: median of the walks at reference fidelity; None if it fails."""
+        if self.tier < Tier.CONVERGED:
+            return None
+        return float(np.median(_distances(self.converged)))
 
     @property
     def median(self) -> float:
         """Median distance of the perturbed walks [m]; NaN without any."""
-        return float(np.median(self._distances)) if self.variations else np.nan
+        return float(np.median(_distances(self.variations))) if self.variations else np.nan
 
     @property
     def worst(self) -> float:
         """Shortest distance of the perturbed walks [m]; NaN without any."""
-        return float(min(self._distances)) if self.variations else np.nan
+        return float(min(_distances(self.variations))) if self.variations else np.nan
 
     @property
     def slipping(self) -> bool | None:
@@ -55,20 +110,21 @@ class Finalist:
         return shuffles(self.measured.walk.measures.slip, self.walk.walk.forward)
 
     @property
-    def _distances(self) -> list[float]:
-        return [walk.walk.forward for walk in self.variations]
+    def tested(self) -> tuple[StudyWalk, ...]:
+        """The walks of the highest tier that it has reached."""
+        return ((self.walk,), self.variations, self.converged)[self.tier]
 
 
 def finalists(settings: "StudySettings", walks: Sequence[StudyWalk]) -> list[Finalist]:
-    """The candidates that were walked again, the robust ones first, then by their distance."""
+    """The candidates that were walked again: the highest tier first, then by their distance."""
     found = [one for one in _looked_at(settings, walks) if one.variations]
     return sorted(found, key=lambda one: _rank(settings, one))
 
 
 def winner(settings: "StudySettings", walks: Sequence[StudyWalk]) -> Finalist | None:
-    """The robust candidate with the best median, if there is one."""
+    """The best of the highest tier that was reached; None where no candidate repeats."""
     found = finalists(settings, walks)
-    return found[0] if found and found[0].robust else None
+    return found[0] if found and found[0].tier > Tier.FOUND else None
 
 
 def best_unslipping(settings: "StudySettings", walks: Sequence[StudyWalk]) -> StudyWalk | None:
@@ -93,35 +149,50 @@ def measured(walks: Sequence[StudyWalk]) -> dict[int, Measures]:
     return found
 
 
+def _distances(walks: Sequence[StudyWalk]) -> list[float]:
+    return [walk.walk.forward for walk in walks]
+
+
 def _looked_at(settings: "StudySettings", walks: Sequence[StudyWalk]) -> list[Finalist]:
     by_id = {walk.id: walk for walk in walks}
-    numbers = dict.fromkeys(walk.nominal for walk in walks if not walk.is_search_walk)
-    return [_finalist(settings, by_id[number], walks) for number in numbers if number is not None]
+    own: dict[int, dict[int, StudyWalk]] = {}
+    for walk in walks:
+        if not walk.is_search_walk and walk.nominal is not None:
+            own.setdefault(walk.nominal, {})[walk.variation] = walk
+    return [_finalist(settings, by_id[number], found) for number, found in own.items()]
 
 
-def _rank(settings: "StudySettings", finalist: Finalist) -> tuple[bool, float, int]:
-    """Robust before others; by the median of what the study wants."""
-    tried = finalist.variations if finalist.robust else (finalist.walk,)
-    objectives = [settings.assess(walk.walk).objective for walk in tried]
-    return not finalist.robust, float(np.median(objectives)), finalist.walk.id
+def _rank(settings: "StudySettings", finalist: Finalist) -> tuple[int, float, int]:
+    """The highest tier first; then by the median of what the study wants."""
+    objectives = [settings.assess(walk.walk).objective for walk in finalist.tested]
+    return -finalist.tier, float(np.median(objectives)), finalist.walk.id
 
 
-def _finalist(
-    settings: "StudySettings", nominal: StudyWalk, walks: Sequence[StudyWalk]
-) -> Finalist:
-    own = {
-        walk.variation: walk
-        for walk in walks
-        if not walk.is_search_walk and walk.nominal == nominal.id
+def _finalist(settings: "StudySettings", nominal: StudyWalk, own: dict[int, StudyWalk]) -> Finalist:
+    plan = settings.confirmation
+    tests = {
+        tier: tuple(own[number] for number in tier.variations(plan) if number in own)
+        for tier in (*TESTS, Tier.SERVO)
     }
-    variations = tuple(own[number] for number in sorted(own) if number > 0)
-    feasible = sum(settings.assess(walk.walk).feasible for walk in variations)
+    feasible = {
+        tier: sum(settings.assess(walk.walk).feasible for walk in found)
+        for tier, found in tests.items()
+    }
+    tier = Tier.FOUND
+    for test in TESTS:
+        if feasible[test] < plan.feasible or tier != test - 1:
+            break
+        tier = test
     return Finalist(
         walk=nominal,
-        variations=variations,
-        feasible=feasible,
-        survived=sum(walk.walk.survived for walk in variations),
+        tier=tier,
+        variations=tests[Tier.REPEATS],
+        feasible=feasible[Tier.REPEATS],
+        survived=sum(walk.walk.survived for walk in tests[Tier.REPEATS]),
+        converged=tests[Tier.CONVERGED],
+        converged_feasible=feasible[Tier.CONVERGED],
+        servo=tests[Tier.SERVO],
+        servo_feasible=feasible[Tier.SERVO],
         measured=own.get(0),
         reference=own.get(REFERENCE),
-        robust=feasible >= settings.confirmation.feasible,
     )

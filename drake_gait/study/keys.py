@@ -49,6 +49,8 @@ CONSTRAINTS: Table = {
 }
 CONFIRMATION: Table = {
     "walks": ("walks", NONE),
+    "reference_walks": ("reference_walks", NONE),
+    "servo_walks": ("servo_walks", NONE),
     "winners": ("winners", NONE),
     "replicas": ("replicas", NONE),
     "feasible": ("feasible", NONE),
@@ -84,6 +86,8 @@ KEYS = {
 """Every section of a study's file, and its keys."""
 
 OLDER = {
+    "confirmation.reference_walks": 0,
+    "confirmation.servo_walks": 0,
     "gait.start": "paper",
     "search.grounds": False,
     "search.risk": "chance",

@@ -69,7 +69,10 @@ class StudyWalk:
     nominal: int | None = None
     """The walk that it is a variation of."""
     variation: int = 0
-    """Which variation: 0 as it is, 1 and up perturbed, -1 at reference fidelity."""
+    """Which variation: 0 as it is, 1 and up perturbed, -1 at reference fidelity.
+
+    Those that confirm are numbered through the tiers, see `study.finalists.Tier`.
+    """
     candidate: Candidate
     """What walked."""
     walk: Walk

@@ -100,20 +100,25 @@ class SearchSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class ConfirmationSettings:
-    """How the best candidates of a search are walked again: perturbed, and at reference fidelity.
+    """How the best candidates of a search are walked again, tier by tier (study.finalists.Tier).
 
-    Of each, `replicas` walks are made with noise on every coefficient and friction that is lower
-    and higher in turn. A candidate is robust when `feasible` of them are feasible.
+    `replicas` walks of a candidate are made with noise on every coefficient and friction that is
+    lower and higher in turn, and as many with fresh noise at reference fidelity. In each tier
+    `feasible` of them must be feasible. The winner alone is walked with other servos and masses.
     """
 
-    walks: int = 400
-    """Walks at most, the reference ones not counted; 0: no confirmation."""
-    winners: int = 3
-    """Robust candidates after which no more are tried."""
+    walks: int = 240
+    """Perturbed walks at the search's fidelity, at most; 0: no confirmation."""
+    reference_walks: int = 96
+    """Perturbed walks at reference fidelity, at most; 0: the first tier is the last."""
+    servo_walks: int = 16
+    """Walks of the winner with other servos and masses."""
+    winners: int = 1
+    """Candidates that hold, after which only those that promise more are tried."""
     replicas: int = 8
-    """Perturbed walks of a candidate."""
+    """Perturbed walks of a candidate in each tier."""
     feasible: int = 7
-    """Perturbed walks that must be feasible."""
+    """Perturbed walks of a tier that must be feasible."""
     noise: float = math.radians(0.05)
     """Standard deviation of the noise on every coefficient [rad]."""
     friction: float = 0.1
@@ -121,6 +126,8 @@ class ConfirmationSettings:
 
     def __post_init__(self) -> None:
         _whole("confirmation.walks", self.walks, 0)
+        _whole("confirmation.reference_walks", self.reference_walks, 0)
+        _whole("confirmation.servo_walks", self.servo_walks, 0)
         _whole("confirmation.winners", self.winners, 1)
         _whole("confirmation.replicas", self.replicas, 1)
         _whole("confirmation.feasible", self.feasible, 1)

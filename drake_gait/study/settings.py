@@ -109,6 +109,7 @@ class StudySettings:
         """Every setting as `section.key`: number, text or list; two studies can be compared."""
         walk = asdict(self.walk)
         servo = walk.pop("servo")
+        walk.pop("disturbance")  # Of single walks.
         walk.pop("integrator")  # The fidelity says it; another one is for comparisons only.
         walk.pop("contact")  # The sole says it, likewise.
         walk.pop("measures")  # The objective and the constraints say it.
