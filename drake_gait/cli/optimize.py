@@ -155,8 +155,8 @@ def _write_results(settings: StudySettings, study: Study, folder: Path) -> None:
         )
     print(f"\n{table(walks, settings.constraints)}\n")
     print(
-        "walked again: T1 with noise and other friction, T2 with fresh noise at reference fidelity, "
-        f"T3 with other servos:\n{robust_table(settings, walks)}\n"
+        "walked again: T1 with noise and other friction, T2 with fresh noise at reference "
+        f"fidelity, T3 with other servos:\n{robust_table(settings, walks)}\n"
     )
     if written.replayed is not None and written.replayed.measures is not None:
         print(f"how it walks: {manner_in_words(written.replayed.measures)}")

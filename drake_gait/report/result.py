@@ -197,7 +197,7 @@ def _counts(walks: Sequence[StudyWalk], feasible: int) -> dict[str, Any] | None:
 def robust_table(settings: StudySettings, walks: Sequence[StudyWalk]) -> str:
     """Return the candidates that were walked again in full, as text; a sentence without any."""
     lines = [
-        " walk   Z [mm]   T1: median  feasible   T2: median  feasible   T3: upright  feasible   tier",
+        " walk   Z [mm]   T1 median  feasible    T2 median  feasible   T3 upright  feasible   tier",
     ]
     for one in finalists(settings, walks):
         if len(one.variations) < settings.confirmation.replicas:

@@ -128,7 +128,7 @@ def finalists(result: Mapping[str, Any], *, dropped: bool = False) -> Table | No
             number(entry["forward_mm"], 1), number(entry["median_mm"], 1),
             number(entry["worst_mm"], 1),
             f"{entry['survived']} of {of}", f"{entry['feasible']} of {of}",
-            "–" if (tier := _tier(entry)) is None else f"T{tier}", number(converged and converged["median_mm"], 1),
+            _tier(entry), number(converged and converged["median_mm"], 1),
             _share(converged, "feasible"), _share(servo, "survived"), _share(servo, "feasible"),
             str(finer.get("outcome", "–")), number(finer.get("forward_mm"), 1),
             number(finer.get("lateral_mm"), 1), number(finer.get("yaw_deg"), 1),
@@ -153,10 +153,10 @@ def finalists(result: Mapping[str, Any], *, dropped: bool = False) -> Table | No
     )
 
 
-def _tier(entry: Mapping[str, Any]) -> int | None:
+def _tier(entry: Mapping[str, Any]) -> str:
     """Return the tier of a finalist; older results say only whether it repeats."""
-    tier = entry.get("tier", int(entry["robust"]) if "robust" in entry else None)
-    return None if tier is None else int(tier)
+    tier = entry["tier"] if "tier" in entry else int(entry["robust"])
+    return f"T{tier}"
 
 
 def _share(counts: Mapping[str, Any] | None, key: str) -> str:

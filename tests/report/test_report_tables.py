@@ -11,7 +11,7 @@ from drake_gait.walk import Outcome, Walk
 
 FINALIST = {
     "walk": 7, "forward_mm": 300.0, "median_mm": 290.0, "worst_mm": -0.04, "survived": 8,
-    "feasible": 7, "of": 8, "measures": {},
+    "feasible": 7, "of": 8, "measures": {}, "robust": True,
     "reference": {"outcome": "walked", "forward_mm": 288.0, "lateral_mm": 3.0, "yaw_deg": -2.0,
                   "feasible": True},
 }  # fmt: skip
@@ -80,13 +80,26 @@ def test_finalists_are_listed_and_the_winner_is_marked():
     table = report_tables.finalists(result)
     assert [row[0] for row in table.rows] == ["3", "7"]
     assert table.marked == 1
-    assert list(table.rows[1]) == ["7", "300.0", "290.0", "0.0", "8 of 8", "7 of 8", "walked",
-                                   "288.0", "3.0", "−2.0", "yes"]  # fmt: skip
+    assert list(table.rows[1]) == ["7", "300.0", "290.0", "0.0", "8 of 8", "7 of 8", "T1",
+                                   "–", "–", "–", "–", "walked", "288.0", "3.0", "−2.0",
+                                   "yes"]  # fmt: skip
     dropped = report_tables.finalists(result, dropped=True)
     assert [row[0] for row in dropped.rows] == ["4"]
     assert dropped.marked is None
     assert list(dropped.rows[0][4:]) == ["2 of 2", "0 of 2"]  # no columns of a finer walk
     assert len(dropped.columns) == len(dropped.rows[0])
+
+
+def test_a_finalist_s_tiers_are_told_and_one_that_was_tried_finer_is_not_among_the_dropped():
+    converged = {"of": 8, "survived": 8, "feasible": 7, "median_mm": 281.0, "worst_mm": 270.0}
+    servo = {"of": 16, "survived": 15, "feasible": 11, "median_mm": 270.0, "worst_mm": 3.0}
+    entry = {**FINALIST, "tier": 2, "trusted_mm": 281.0, "converged": converged, "servo": servo}
+    failed = {**entry, "walk": 8, "tier": 1, "trusted_mm": None, "servo": None, "reference": None}
+    result = {"finalists": [entry, failed], "winner": 7}
+    first, second = report_tables.finalists(result).rows
+    assert list(first[6:11]) == ["T2", "281.0", "7 of 8", "15 of 16", "11 of 16"]
+    assert list(second[6:11]) == ["T1", "281.0", "7 of 8", "–", "–"]
+    assert report_tables.finalists(result, dropped=True) is None
 
 
 def test_without_a_winner_none_is_marked_and_without_finalists_there_is_no_table():

@@ -1,21 +1,32 @@
-"""The race of a study's best candidates, on walks that are looked up instead of simulated."""
+"""Candidates that are walked again tier by tier, on walks that are looked up, not simulated."""
 
 import dataclasses
-import sys
+import time
+from concurrent.futures import ThreadPoolExecutor, as_completed
 
 import numpy as np
 import pytest
-from conftest import Interruption, numbers, walk_at
+from conftest import Interruption, numbers, run, walk_at
+from robust_problem import LIMIT, Grounds
 
 from drake_gait.execution.local import Finished
 from drake_gait.problem.problem import Trial
-from drake_gait.search.confirmation import confirm, walked_as
-from drake_gait.search.grounds import end_of_proposal, on_ground
+from drake_gait.search.confirmation import confirm, other_servo, walked_as
+from drake_gait.search.grounds import BETWEEN, end_of, end_of_proposal, on_ground
 from drake_gait.search.runner import Runner, perturbed
-from drake_gait.study.finalists import REFERENCE, best_unslipping, finalists, measured, winner
-from drake_gait.study.ranking import sample
+from drake_gait.study.finalists import (
+    REFERENCE,
+    TESTS,
+    Tier,
+    best_unslipping,
+    finalists,
+    measured,
+    tier_of,
+    winner,
+)
+from drake_gait.study.ranking import best_walk, sample
 from drake_gait.study.records import CONFIRMATION, CONFIRMATIONS, StudyWalk
-from drake_gait.study.search_settings import ConfirmationSettings
+from drake_gait.study.search_settings import ConfirmationSettings, Mode, SearchSettings
 from drake_gait.study.store import Study
 from drake_gait.walk import Fidelity, Outcome
 
@@ -23,34 +34,47 @@ STEADY = dataclasses.replace(walk_at(np.zeros(16)), lateral=0.0, yaw=0.0, com_he
 CANDIDATES = 20
 FORWARD = [0.20 - 0.005 * number for number in range(CANDIDATES)]
 """Distance of each candidate's own walk: the first is the best."""
-FRAGILE = {0: {1, 2}, 1: {2, 8}, 3: set(range(1, 9)), 4: {7}}
-"""Variations of a candidate that fall."""
-MEDIANS = {2: 0.10, 4: 0.17, 5: 0.15}
+FRAGILE = {
+    0: {1, 2}, 1: {2, 8}, 2: {10, 11}, 3: set(range(1, 17)), 4: {7}, 5: {9}, 6: {3, 12, 16},
+    7: {4, 13}, 9: {1, 3}, 10: {8, 9, 16},
+}  # fmt: skip
+"""Variations of a candidate that fall: to 8 those of T1, to 16 those of T2."""
+MEDIANS = {4: 0.15, 5: 0.17, 7: 0.16}
 """What candidates walk when perturbed, where that is not what they walk alone."""
 
 
 class Track:
     """Looks walks up by their trial, and remembers the variations that it was asked for."""
 
-    def __init__(self, settings, *, stop_after=None, slip=()):
-        self.stop_after, self.slip = stop_after, slip
+    def __init__(self, settings, *, stop_after=None, slip=(), fragile=FRAGILE):
+        self.stop_after, self.slip, self.fragile = stop_after, slip, fragile
         self.asked = []
-        self.rounds = []
         self.known = {}
         for number in range(CANDIDATES):
             id_ = number * settings.search.replicas
             nominal = Trial(candidate=candidate(settings, number), settings=settings.walk)
-            for variation in range(1, 9):
-                noisy = perturbed(nominal, settings, id_, variation + settings.search.replicas - 1)
-                self.known[noisy] = number, variation
-            fine = dataclasses.replace(settings.walk, fidelity=Fidelity.REFERENCE)
-            self.known[dataclasses.replace(nominal, settings=fine)] = number, REFERENCE
             own = on_ground(settings.walk, settings, end_of_proposal(settings, 1, id_))
-            full = dataclasses.replace(own, measures=True)
-            self.known[dataclasses.replace(nominal, settings=full)] = number, 0
+            self.keep(nominal, number, 0, dataclasses.replace(own, measures=True))
+            fine = dataclasses.replace(settings.walk, fidelity=Fidelity.REFERENCE)
+            self.keep(nominal, number, REFERENCE, fine)
+            for variation in Tier.REPEATS.variations(settings.confirmation):
+                self.keep(self.noisy(settings, nominal, id_, variation), number, variation)
+            for variation in Tier.CONVERGED.variations(settings.confirmation):
+                noisy = self.noisy(settings, nominal, id_, variation)
+                finer = dataclasses.replace(noisy.settings, fidelity=Fidelity.REFERENCE)
+                self.keep(noisy, number, variation, finer)
+            for variation in Tier.SERVO.variations(settings.confirmation):
+                other = other_servo(settings, fine, id_, variation)
+                self.keep(nominal, number, variation, other)
+
+    def keep(self, trial, number, variation, settings=None):
+        settings = settings or trial.settings
+        self.known[dataclasses.replace(trial, settings=settings)] = number, variation
+
+    def noisy(self, settings, nominal, id_, variation):
+        return perturbed(nominal, settings, id_, variation + settings.search.replicas - 1)
 
     def __call__(self, trials):
-        self.rounds.append(len(trials))
         for index in reversed(range(len(trials))):  # Any order will do.
             if len(self.asked) == self.stop_after:
                 raise Interruption
@@ -64,13 +88,39 @@ class Track:
             return alone
         if variation == 0:
             return dataclasses.replace(alone, measures=self.slip[number] if self.slip else None)
-        if variation in FRAGILE.get(number, ()):
+        if variation in self.fragile.get(number, ()):
             return dataclasses.replace(STEADY, outcome=Outcome.FELL, steps=100, forward=0.01)
         return dataclasses.replace(STEADY, forward=MEDIANS.get(number, FORWARD[number]))
 
-    def tried(self, number):
-        """Perturbed walks of a candidate."""
-        return sorted(variation for one, variation in self.asked if one == number and variation > 0)
+    def tried(self, number, tier=Tier.REPEATS):
+        """Variations of a candidate that were walked in a tier, as numbers from 1."""
+        asked = sorted(variation for one, variation in self.asked if one == number)
+        first = tier.variations(ConfirmationSettings()).start
+        return [
+            one - first + 1
+            for one in asked
+            if tier_of(ConfirmationSettings(), one) is tier and one > 0
+        ]
+
+
+class Hurried:
+    """The same walks from several threads, which end in no order."""
+
+    def __init__(self, track, workers):
+        self.track, self.pool = track, ThreadPoolExecutor(workers)
+
+    def __call__(self, trials):
+        futures = {self.pool.submit(self.one, trial): n for n, trial in enumerate(trials)}
+        return self.finished(futures)
+
+    def finished(self, futures):
+        for future in as_completed(futures):
+            yield Finished(index=futures[future], walk=future.result(), seconds=0.0)
+
+    def one(self, trial):
+        number, variation = self.track.known[trial]
+        time.sleep(0.001 * ((7 * number + 3 * variation) % 5))
+        return self.track.walk(number, variation)
 
 
 def candidate(settings, number):
@@ -80,6 +130,7 @@ def candidate(settings, number):
 def confirmed_alone(settings, entry):
     """A confirmation of one candidate: the trials that it asks for, and the walks that it keeps."""
     asked, kept = [], []
+    first = dataclasses.replace(entry, id=0, walk=STEADY)
 
     def evaluate(trials):
         asked.extend(trials)
@@ -88,13 +139,12 @@ def confirmed_alone(settings, entry):
 
     class Kept:
         def walks(self):
-            return []
+            return [first]
 
         def add(self, walk):
             kept.append(walk)
 
     runner = Runner(settings, Kept(), evaluate, lambda progress: None)
-    first = dataclasses.replace(entry, id=0, walk=STEADY)
     confirm(settings, runner, [sample(0, [first] * settings.search.replicas, settings)])
     return asked, kept
 
@@ -102,7 +152,7 @@ def confirmed_alone(settings, entry):
 @pytest.fixture
 def raced(study):
     """A study whose race has room."""
-    return dataclasses.replace(study, confirmation=ConfirmationSettings(walks=120, winners=3))
+    return dataclasses.replace(study, confirmation=ConfirmationSettings(walks=120))
 
 
 def confirmed(settings, path, track=None, *, lost=()):
@@ -134,81 +184,143 @@ def planned(settings, **changes):
     )
 
 
-def test_a_candidate_is_dropped_at_its_second_failure_of_eight(raced, path):
-    track = Track(raced)
-    confirmed(raced, path, track)
+@pytest.fixture
+def wide(raced):
+    """A confirmation that stops at its budget alone."""
+    return planned(raced, winners=CANDIDATES, walks=400, reference_walks=400)
+
+
+def test_a_candidate_is_dropped_at_its_second_failure_of_a_tier(wide, path):
+    track = Track(wide)
+    confirmed(wide, path, track)
     assert track.tried(3) == [1, 2]  # Falls every time.
     assert track.tried(1) == list(range(1, 9))  # Falls the second time at its last walk.
-    robust = {one.walk.id for one in finalists(raced, confirmed(raced, path)) if one.robust}
-    assert robust == {2, 4, 5}
+    assert track.tried(2, Tier.CONVERGED) == [1, 2, 3]
+    assert track.tried(9) == [1, 2, 3]
+    for number in range(1, CANDIDATES):  # The best single walk is walked in full.
+        for tier in TESTS:
+            first = tier.variations(wide.confirmation).start
+            fallen = [
+                n for n in track.tried(number, tier) if n + first - 1 in FRAGILE.get(number, ())
+            ]
+            assert len(fallen) <= 2
+            assert len(fallen) < 2 or fallen[1] == max(track.tried(number, tier))
 
 
-def test_the_race_ends_when_enough_are_robust(raced, path, tmp_path):
-    track = Track(raced)
-    confirmed(raced, path, track)
-    assert {number for number, variation in track.asked if variation > 0} <= set(range(9))
-    one = planned(raced, winners=1)
-    track = Track(one)
-    walks = confirmed(one, tmp_path / "one.db", track)
-    assert sum(found.robust for found in finalists(one, walks)) >= 1
-    assert not any(track.tried(number) for number in range(6, CANDIDATES))
+def test_a_tier_is_tested_when_the_one_before_it_is_passed_and_its_law_is_seven_of_eight(
+    wide, path
+):
+    track = Track(wide)
+    walks = confirmed(wide, path, track)
+    for one in finalists(wide, walks):
+        counts = (one.feasible, one.converged_feasible)
+        passed = [count >= 7 for count in counts]
+        assert one.tier == (2 if all(passed) else 1 if passed[0] else 0)
+        assert not one.converged or passed[0]
+        assert (one.trusted is None) == (one.tier < 2)
+        if one.tier == 2:
+            assert len(one.converged) == len(one.variations) == 8
+    tiers = {one.walk.id: one.tier for one in finalists(wide, walks)}
+    assert [tiers[number] for number in range(8)] == [0, 0, 1, 0, 2, 2, 1, 2]
+    assert tiers[10] == 1
 
 
-@pytest.mark.parametrize("budget", [1, 4, 7, 13, 30, 33, 60, 119])
-def test_a_race_without_an_end_makes_exactly_the_walks_that_it_may(raced, path, budget):
-    settings = planned(raced, walks=budget, winners=CANDIDATES)
-    track = Track(settings)
-    confirmed(settings, path, track)
-    assert len(set(track.asked)) == len(track.asked)
-    # The last round is not the race's: it completes what is listed, and measures.
-    assert sum(track.rounds[:-1]) == budget
+def test_the_winner_has_the_best_trusted_median_and_not_the_furthest_single_walk(wide, path):
+    walks = confirmed(wide, path)
+    found = winner(wide, walks)
+    assert found.walk.id == 5
+    assert found.tier is Tier.CONVERGED
+    assert found.trusted == pytest.approx(0.17)
+    ranked = [(-one.tier, -(one.trusted or 0.0)) for one in finalists(wide, walks)]
+    assert ranked == sorted(ranked)
 
 
-def test_the_listed_are_walked_in_full_and_at_reference_fidelity_and_twelve_with_measures(
+def test_without_a_candidate_that_converges_the_best_that_repeats_wins_and_is_not_trusted(
     raced, path
 ):
-    track = Track(raced)
+    fragile = {number: {9, 10} for number in range(1, CANDIDATES)} | {0: {1, 2}}
+    track = Track(raced, fragile=fragile)
     walks = confirmed(raced, path, track)
-    references = {number for number, variation in track.asked if variation == REFERENCE}
-    assert references == {0, 2, 4, 5}  # The robust ones, and the best single walk.
-    for number in references:
-        assert track.tried(number) == list(range(1, 9))
-    assert {number for number, variation in track.asked if variation == 0} == set(range(12))
-    for one in finalists(raced, walks):
-        assert (one.reference is not None) == (one.walk.id in references)
-        assert one.reference is None or one.reference.variation == REFERENCE
-        assert one.measured is not None
-
-
-def test_the_winner_is_the_robust_candidate_with_the_best_median(raced, path):
-    walks = confirmed(raced, path)
     found = winner(raced, walks)
-    assert found.walk.id == 4
-    assert (found.median, found.worst) == (pytest.approx(0.17), pytest.approx(0.01))
-    assert (found.feasible, found.survived) == (7, 7)
-    ranked = finalists(raced, walks)
-    assert [one.walk.id for one in ranked][:3] == [4, 5, 2]
-    assert [one.walk.id for one in ranked[3:]] == sorted(one.walk.id for one in ranked[3:])
-    assert not any(one.robust for one in ranked[3:])
+    assert found.tier is Tier.REPEATS
+    assert found.trusted is None
+    assert found.median == max(one.median for one in finalists(raced, walks) if one.robust)
+    assert not any(tier_of(raced.confirmation, v) is Tier.SERVO for _, v in track.asked)
 
 
-def test_where_none_is_robust_nobody_wins(raced, path, monkeypatch):
-    monkeypatch.setattr(
-        sys.modules[__name__], "FRAGILE", {number: {1, 2} for number in range(CANDIDATES)}
-    )
-    track = Track(raced)
+def test_where_none_repeats_nobody_wins(raced, path):
+    track = Track(raced, fragile={number: {1, 2} for number in range(CANDIDATES)})
     walks = confirmed(raced, path, track)
     assert winner(raced, walks) is None
-    assert not any(one.robust for one in finalists(raced, walks))
+    assert {one.tier for one in finalists(raced, walks)} == {Tier.FOUND}
     # Every candidate had its two walks, and the best single one all of them.
     assert [len(track.tried(number)) for number in range(CANDIDATES)] == [8] + [2] * 19
 
 
-def test_only_feasible_candidates_race(raced, path):
+def test_the_confirmation_ends_when_nobody_promises_more_than_is_trusted(raced, path):
+    track = Track(raced, fragile={})
+    walks = confirmed(raced, path, track)
+    trusted = winner(raced, walks).trusted
+    # Who was not walked had less to offer; the first ones are under way together.
+    tried = {number for number, variation in track.asked if variation > 0}
+    assert all(FORWARD[number] <= trusted for number in set(range(CANDIDATES)) - tried)
+    assert len(tried) < CANDIDATES / 2
+
+
+@pytest.mark.parametrize("budget", [1, 4, 7, 13, 30])
+@pytest.mark.parametrize("finer", [1, 5, 8, 20])
+def test_no_tier_has_more_walks_than_its_budget_and_what_completes_the_listed(
+    wide, path, budget, finer
+):
+    settings = planned(wide, walks=budget, reference_walks=finer)
+    track = Track(settings, fragile={})
+    walks = confirmed(settings, path, track)
+    assert len(set(track.asked)) == len(track.asked)
+    listed = {one.walk.id for one in finalists(settings, walks) if one.reference}
+    for tier, most in zip(TESTS, (budget, finer), strict=True):
+        counts = [len(track.tried(number, tier)) for number in range(CANDIDATES)]
+        completed = sum(1 for number in listed if counts[number] == 8)
+        assert most <= sum(counts) <= most + 8 * completed or tier is Tier.CONVERGED
+        assert tier is Tier.REPEATS or sum(counts) <= most + completed
+
+
+def test_noise_at_reference_fidelity_is_fresh(wide, path):
+    walks = [walk for walk in confirmed(wide, path) if walk.variation > 0 and walk.nominal == 5]
+    noise = {walk.variation: walk.candidate.gait.coefficients.tobytes() for walk in walks}
+    plan = wide.confirmation
+    perturbed_ones = [n for tier in TESTS for n in tier.variations(plan)]
+    assert len({noise[number] for number in perturbed_ones}) == 16
+    fine = {
+        n for n in noise if walked_as(wide, walks[list(noise).index(n)]).fidelity == "reference"
+    }
+    assert fine == set(noise) - set(Tier.REPEATS.variations(plan))
+
+
+def test_the_winner_alone_walks_with_other_servos_within_the_ranges(raced, path, tmp_path):
+    walks = confirmed(raced, path)
+    found = winner(raced, walks)
+    assert {one.walk.id for one in finalists(raced, walks) if one.servo} == {found.walk.id}
+    assert (len(found.servo), found.servo_feasible) == (16, 16)
+    hows = [walked_as(raced, walk) for walk in found.servo]
+    assert len(set(hows)) == 16
+    for how, walk in zip(hows, found.servo, strict=True):
+        assert walk.candidate == found.walk.candidate
+        assert end_of(raced, walk) == BETWEEN
+        assert how.friction == raced.walk.friction
+        assert max(map(abs, how.disturbance.joint_zeros)) <= np.radians(0.5)
+        assert 0.97 <= how.disturbance.mass <= 1.03
+        assert 0.9 <= how.disturbance.voltage <= 1.1
+        assert how.servo.no_load_speed == how.disturbance.voltage * raced.walk.servo.no_load_speed
+        assert 0.9 <= how.servo.stiffness / raced.walk.servo.stiffness <= 1.1
+    none = planned(raced, servo_walks=0)
+    assert winner(none, confirmed(none, tmp_path / "none.db")).servo == ()
+
+
+def test_only_feasible_candidates_are_walked_again(raced, path):
     track = Track(raced)
-    walks = confirmed(raced, path, track, lost=(0, 4))
-    assert not {number for number, _ in track.asked} & {0, 4}
-    assert winner(raced, walks).walk.id not in {0, 4}
+    walks = confirmed(raced, path, track, lost=(0, 5))
+    assert not {number for number, _ in track.asked} & {0, 5}
+    assert winner(raced, walks).walk.id not in {0, 5}
 
 
 def test_a_study_without_a_feasible_walk_has_nothing_to_confirm(raced, path):
@@ -241,6 +353,13 @@ def test_a_confirmation_that_was_interrupted_ends_with_the_same_walks(raced, tmp
     assert winner(raced, found).walk.id == winner(raced, expected).walk.id
 
 
+@pytest.mark.parametrize("workers", [1, 2, 4, 7])
+def test_any_number_of_workers_makes_the_same_walks_however_they_end(raced, tmp_path, workers):
+    expected = confirmed(raced, tmp_path / "one.db")
+    hurried = Hurried(Track(raced), workers)
+    assert numbers(confirmed(raced, tmp_path / "many.db", hurried)) == numbers(expected)
+
+
 def test_a_confirmation_that_is_done_walks_nothing_more(raced, path):
     expected = numbers(confirmed(raced, path))
     again = Track(raced)
@@ -255,11 +374,24 @@ def test_ids_of_confirmations_leave_room_for_any_budget_and_say_whose_they_are(r
     assert {walk.id for walk in walks if walk.is_search_walk} == set(range(CANDIDATES))
     expected = {(walk.nominal, walk.variation): walk.id for walk in confirmations}
     assert len(set(expected.values())) == len(confirmations)
-    # A longer race gives the same walk the same id.
-    more = confirmed(planned(raced, winners=9), path.with_name("more.db"))
+    # A longer one gives the same walk the same id.
+    more = confirmed(planned(raced, winners=9, walks=400), path.with_name("more.db"))
     for walk in more:
         if (key := (walk.nominal, walk.variation)) in expected:
             assert walk.id == expected[key]
+
+
+def test_a_study_of_before_the_tiers_keeps_its_ids_and_its_robust_winner(raced, path):
+    settings = planned(raced, reference_walks=0, servo_walks=0, winners=3)
+    walks = confirmed(settings, path)
+    for walk in walks:
+        if not walk.is_search_walk:
+            assert walk.id == CONFIRMATIONS + 10 * walk.nominal + walk.variation + 1
+    assert {walk.variation for walk in walks} <= set(range(REFERENCE, 9))
+    found = winner(settings, walks)
+    assert (found.tier, found.trusted, found.converged) == (Tier.REPEATS, None, ())
+    assert found.reference is not None
+    assert sum(one.robust for one in finalists(settings, walks)) >= 3
 
 
 def test_variations_differ_from_the_replicas_of_the_search(raced, entry):
@@ -268,7 +400,8 @@ def test_variations_differ_from_the_replicas_of_the_search(raced, entry):
     nominal = Trial(candidate=entry.candidate, settings=settings.walk)
     own = {perturbed(nominal, settings, 0, variation) for variation in (1, 2)}
     asked, _ = confirmed_alone(settings, entry)
-    assert len(set(asked)) == len(asked) == 10  # Eight variations, a reference, measures.
+    # Eight variations in each of two tiers, sixteen servos, a reference, measures.
+    assert len(set(asked)) == len(asked) == 34
     assert not own & set(asked)
 
 
@@ -278,12 +411,40 @@ def test_how_a_walk_was_simulated_is_known_from_the_study(raced, entry, replicas
     search = dataclasses.replace(raced.search, samples=6, simulations=6, replicas=replicas)
     settings = dataclasses.replace(raced, search=search)
     asked, walks = confirmed_alone(settings, entry)
-    assert {walk.variation for walk in walks} == {REFERENCE, *range(9)}
+    assert {walk.variation for walk in walks} == {REFERENCE, *range(33)}
     for trial, walk in zip(asked, walks, strict=True):
         assert walked_as(settings, walk) == dataclasses.replace(trial.settings, measures=False)
     nominal = Trial(candidate=entry.candidate, settings=settings.walk)
     replica = dataclasses.replace(entry, nominal=0, variation=1)
     assert walked_as(settings, replica) == perturbed(nominal, settings, 0, 1).settings
+
+
+class Biased(Grounds):
+    """The robust problem, whose walks drift otherwise at reference fidelity the further they go."""
+
+    def walk(self, trial):
+        found = super().walk(trial)
+        if trial.settings.fidelity is not Fidelity.REFERENCE:
+            return found
+        x = self.settings.space.encode(trial.candidate)
+        return dataclasses.replace(found, lateral=found.lateral + 0.15 * LIMIT * x[0])
+
+
+@pytest.mark.parametrize("mode", [Mode.CMAES, Mode.ISADE])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_winner_that_holds_is_found_where_the_luckiest_walk_fails(study, tmp_path, mode, seed):
+    plan = SearchSettings(samples=40, simulations=160, batch=10, mode=mode)
+    settings = dataclasses.replace(
+        study, seed=seed, search=plan, confirmation=ConfirmationSettings()
+    )
+    walks = run(settings, tmp_path / "s.db", Biased(settings))
+    found = winner(settings, walks)
+    assert found.tier is Tier.CONVERGED
+    searched = [walk for walk in walks if walk.is_search_walk]
+    luckiest = best_walk(searched, settings.constraints)
+    (lucky,) = (one for one in finalists(settings, walks) if one.walk.id == luckiest.id)
+    assert lucky.tier < Tier.CONVERGED
+    assert luckiest.walk.forward > found.trusted > 0.15
 
 
 def test_measures_are_a_walk_s_own_or_those_of_the_same_walk_again(entry, measures):
