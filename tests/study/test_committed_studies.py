@@ -56,12 +56,13 @@ def test_the_refined_walk_that_bears_all_noise_is_feasible_at_other_steps_too(co
         assert walk.forward == pytest.approx(steady.walk.walk.forward, abs=5e-3)
 
 
-def test_the_page_of_the_robot_counts_the_walks_beyond_its_servos(committed, repository):
+def test_the_page_of_braking_servos_counts_the_walks_beyond_them(committed, repository):
     settings, study, _ = committed
     servo, stall = settings.walk.servo, stall_torques().max()
     measured = [walk.walk.measures for walk in study.walks() if walk.walk.measures]
-    page = (repository / "docs" / "robot.md").read_text(encoding="utf-8")
-    row = re.search(rf"^\| `studies/{settings.name}` \|(.*)\|$", page, re.M)[1].split(" | ")
+    page = repository / "docs" / "experiments" / "2026-11-27-braking-servos.md"
+    row = re.search(rf"^\| `studies/{settings.name}` \|(.*)\|$", page.read_text("utf-8"), re.M)[1]
+    row = row.split(" | ")
     assert list(map(int, row[:3])) == [
         len(measured),
         sum(measures.peak_torque > stall for measures in measured),
