@@ -42,7 +42,7 @@ python_use_unqualified_type_names = True
 # Links into this package are checked; the names of others lead nowhere, because the site is built
 # and read without a network.
 nitpicky = True
-nitpick_ignore_regex = [("py:.*", r"(?!drake_gait\.).*"), ("py:.*", r"drake_gait\..*\._\w+")]
+nitpick_ignore_regex = [("py:.*", r"(?!drake_gait\.).*"), ("py:.*", r"drake_gait\..*\._[\w.]+")]
 
 html_theme = "furo"
 html_static_path = ["_static"]
