@@ -1,4 +1,4 @@
-"""How `make docs` builds the site: the Markdown pages, and the API from its docstrings."""
+"""The site that `make docs` builds: the Markdown pages, and the API from its docstrings."""
 
 import itertools
 import re
