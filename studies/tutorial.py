@@ -138,7 +138,7 @@ codesigned, verdict = result(options.out / "codesign")
 print(f"7. winner:       {in_words(codesigned.walk)} ({verdict})")
 
 
-# %% 8. Compare: nominal, perturbed, and with an integrator that controls its errors.
+# %% 8. Compare: nominal, perturbed, and in the finer steps of the reference.
 def foot_in_words(foot: FootDesign) -> str:
     """The foot's design as people write it."""
     return (
