@@ -112,7 +112,7 @@ def verdict(settings: StudySettings, walks: Sequence[StudyWalk]) -> str:
         return f"None of {count} {why}; the nearest is {words}."
     robust = winner(settings, walks)
     if robust is None:
-        return f"{untrusted(settings, robust)} The best of {count} is {words}."
+        return f"{untrusted(settings, robust)} The best of {count}, walked once, is {words}."
     if robust.trusted is None:
         return (
             f"{untrusted(settings, robust)} The best that repeats, of {count}, is walk "
@@ -130,7 +130,10 @@ def untrusted(settings: StudySettings, best: Finalist | None) -> str:
     """Return why no gait of a study can be trusted, and what to do, as text."""
     plan = settings.confirmation
     if not plan.walks:
-        return "No gait is known to hold: none was walked again; raise confirmation.walks."
+        return (
+            "No gait is known to hold: none was walked again; begin another study with "
+            "confirmation.walks > 0."
+        )
     if not plan.reference_walks:
         what = "none was tried" if best else "none repeats"
         return (

@@ -155,8 +155,9 @@ def finalists(result: Mapping[str, Any], *, dropped: bool = False) -> Table | No
 
 def _tier(entry: Mapping[str, Any]) -> str:
     """Return the tier of a finalist; older results say only whether it repeats."""
-    tier = entry["tier"] if "tier" in entry else int(entry["robust"])
-    return f"T{tier}"
+    if "tier" in entry:
+        return f"T{entry['tier']}"
+    return f"T{int(entry['robust'])}" if "robust" in entry else "–"
 
 
 def _share(counts: Mapping[str, Any] | None, key: str) -> str:

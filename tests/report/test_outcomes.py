@@ -40,7 +40,7 @@ OUTCOMES = {
         [FELL, FAR],
         "None of 2 walks holds all constraints; the nearest is walk 1: 500.0 mm",
     ),
-    "one feasible": ([LOST, WALKED], "The best of 2 walks is walk 1: 500.0 mm"),
+    "one feasible": ([LOST, WALKED], "No gait is known to hold: none was walked again"),
 }
 
 
@@ -183,7 +183,7 @@ def test_a_search_walk_is_what_the_search_asked_for(study, entries):
     assert kinds == [(True, True), (True, False), (False, False)]
     said = verdict(study, [walks[0], again])
     assert said.startswith("No gait is known to hold")
-    assert "The best of 1 walk is walk 0" in said
+    assert "The best of 1 walk, walked once, is walk 0" in said
     assert "none" in robust_table(study, walks)
 
 
