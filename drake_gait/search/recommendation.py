@@ -72,7 +72,10 @@ class Adviser:
     def __init__(self, settings: StudySettings, samples: Sequence[Sample]) -> None:
         self._settings = settings
         self._field = _field(settings, samples)
+        self._x = np.array([one.x for one in self._field])
         self._features = _features(settings, self._field, samples)
+        # Each answer once, with its place in the field; a walk that is kept keeps its identity.
+        self._heard: dict[int, tuple[StudyWalk, int, bool]] = {}
 
     def recommended(
         self, answers: Sequence[StudyWalk] = (), *, beyond: float = 0.0
@@ -98,11 +101,15 @@ class Adviser:
 
     def _told(self, answers: Sequence[StudyWalk]) -> tuple[IntArray, BoolArray]:
         """Return the place of each answer in the field, and whether it held, shape (n,) each."""
-        field = np.array([one.x for one in self._field])
-        x = [self._settings.space.encode(walk.candidate) for walk in answers]
-        near = [int(np.argmin(((field - point) ** 2).sum(axis=1))) for point in x]
-        held = [self._settings.assess(walk.walk).feasible for walk in answers]
-        return np.array(near, dtype=np.int64), np.array(held, dtype=bool)
+        for walk in answers:
+            if id(walk) not in self._heard:
+                x = self._settings.space.encode(walk.candidate)
+                near = int(np.argmin(((self._x - x) ** 2).sum(axis=1)))
+                held = self._settings.assess(walk.walk).feasible
+                self._heard[id(walk)] = walk, near, held
+        found = [self._heard[id(walk)][1:] for walk in answers]
+        near_ones, held_ones = zip(*found, strict=True) if found else ((), ())
+        return np.array(near_ones, dtype=np.int64), np.array(held_ones, dtype=bool)
 
 
 def recommended(
