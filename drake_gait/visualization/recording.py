@@ -178,7 +178,7 @@ def _with_panel(page: str, caption: str, labels: Sequence[dict[str, Any]]) -> st
         ("scale", f"{1e3 * FORCE_SCALE:g}"), ("labels", listed), ("caption", title)
     ):  # fmt: skip
         panel = panel.replace(f"@{name}@", text)
-    guard = (files("drake_gait") / "recording_guard.html").read_text(encoding="utf-8")
+    guard = (files("drake_gait.visualization") / "recording_guard.html").read_text(encoding="utf-8")
     head = f'<title>{title}</title>\n<link rel="icon" href="data:,">'  # A server has no other.
     page = page.replace("<title>Drake MeshCat</title>", head, 1)
     page = page.replace("<body>", f"<body>\n{guard}", 1)
