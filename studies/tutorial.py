@@ -7,26 +7,36 @@ to be seen. `--samples 28 --simulations 30` makes it a matter of a minute, and t
 
 # %% What this run may spend, and where it writes.
 import argparse
-import subprocess
-import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from drake_gait import Candidate, FootDesign, Gait, Study, WalkSettings, assess, simulate
+from drake_gait import (
+    Candidate,
+    Constraints,
+    Fidelity,
+    FootDesign,
+    Gait,
+    Study,
+    StudyResult,
+    StudySettings,
+    WalkSettings,
+    assess,
+    default_study,
+    read_study,
+    record,
+    run_study,
+    simulate,
+    write_report,
+)
 from drake_gait.foot import N_MM_PER_DEG
-from drake_gait.problem.problem import OUTPUTS, Constraints
+from drake_gait.problem import OUTPUTS
 from drake_gait.report.result import in_words
-from drake_gait.search.confirmation import winner
 from drake_gait.search.proposer import training_data
 from drake_gait.study.ranking import best_walk, feasible_walks
-from drake_gait.study.reading import default_study
-from drake_gait.study.records import StudyWalk
-from drake_gait.study.settings import study_settings
 from drake_gait.surrogates.ensemble import fit
-from drake_gait.visualization.recording import record
 from drake_gait.visualization.walk import waveforms
-from drake_gait.walk import Fidelity
 
 parser = argparse.ArgumentParser(description=(__doc__ or "").partition(":")[0], allow_abbrev=False)
 parser.add_argument("--out", type=Path, default=Path("runs/tutorial"), help="folder to write")
@@ -35,7 +45,14 @@ parser.add_argument("--simulations", type=int, default=240, help="walks of each 
 parser.add_argument("--seed", type=int, default=0, help="seed of both studies")
 options, _ = parser.parse_known_args()  # A notebook has arguments of its own.
 options.out.mkdir(parents=True, exist_ok=True)
-STUDY = default_study()
+settings = read_study(
+    default_study(),
+    {
+        ("study", "seed"): options.seed,
+        ("search", "samples"): options.samples,
+        ("search", "simulations"): options.simulations,
+    },
+)
 
 # %% 1. One gait. Sixteen coefficients in degrees; what comes back is in SI units.
 gait = Gait.from_degrees(
@@ -79,20 +96,18 @@ def perturbed(candidate: Candidate, count: int = 8) -> str:
 print(f"3. the first gait, perturbed: {perturbed(first)}")
 
 
-# %% 4. A small study: a Latin hypercube around that gait, and a search. The same as on a shell.
-def run(study: Path, folder: Path) -> None:
-    """Run a study's command; run again, it goes on where it was stopped."""
-    command = [sys.executable, "-m", "drake_gait.optimize", str(study), "--out", str(folder)]
-    for name in ("samples", "simulations", "seed"):
-        command += [f"--{name}", str(getattr(options, name))]
-    subprocess.run(command, check=True)
+# %% 4. A small study: a Latin hypercube around that gait, and a search.
+def run(settings: StudySettings, folder: Path) -> StudyResult:
+    """Run a study and write its report; run again, it goes on where it was stopped."""
+    run_study(settings, folder)
+    return write_report(folder)
 
 
-run(STUDY, options.out / "gait")
+found = run(settings, options.out / "gait")
+print(f"4. {found.verdict}")
 
 # %% 5. What its samples say: how many walk, and what a network learns from them.
 with Study.open(options.out / "gait") as study:
-    settings = study_settings(study.description()["settings"])
     walks = study.walks()
 samples = [walk for walk in walks if walk.stage == "design"]
 feasible = feasible_walks(samples, settings.constraints)
@@ -104,38 +119,32 @@ for name, train, heldout in zip(OUTPUTS, network.r2_train, network.r2_heldout, s
 
 
 # %% 6. What the search made of it: the furthest walk, and the one that survived its confirmation.
-def result(folder: Path) -> tuple[StudyWalk, str]:
-    """A study's robust winner, or where there is none its furthest walk, with a word on it."""
-    with Study.open(folder) as study:
-        settings = study_settings(study.description()["settings"])
-        walks = study.walks()
-    found = winner(settings, walks)
-    if found is None:
-        return best_walk(walks, settings.constraints), "the furthest; none was robust"
-    return found.walk, f"robust: {found.feasible} of {len(found.variations)} perturbed feasible"
+def robustness(result: StudyResult) -> str:
+    """What a study's best walk is worth, in words."""
+    if result.winner is None:
+        return "the furthest; none was robust"
+    first = result.finalists[0]
+    return f"robust: {first.feasible} of {first.of} perturbed feasible"
 
 
 furthest = best_walk(walks, settings.constraints)
-on_paper_foot, verdict = result(options.out / "gait")
+on_paper_foot = found.best
+assert on_paper_foot is not None  # Of a study with walks.
 print(f"6. best sample:  {in_words(best_walk(samples, settings.constraints).walk)}")
 print(f"   furthest:     {in_words(furthest.walk)}")
-print(f"   winner:       {in_words(on_paper_foot.walk)} ({verdict})")
+print(f"   winner:       {in_words(on_paper_foot.walk)} ({robustness(found)})")
 
-# %% 7. Open the foot: the same study, with the springs and the width of the big toe to be chosen.
-codesign = options.out / "codesign.toml"
-codesign.write_text(
-    STUDY.read_text(encoding="utf-8").replace('name = "steady"', 'name = "codesign"')
-    + """
-[design]
-big_toe_stiffness_n_mm_per_deg = [0.1, 2.6]
-lesser_toes_stiffness_n_mm_per_deg = [0.05, 1.3]
-big_toe_width_mm = [14.0, 40.0]
-""",
-    encoding="utf-8",
+# %% 7. Open the foot: the same study, with springs and width of the big toe to be chosen [SI].
+ranges = (
+    ("big_toe_stiffness", 0.1 * N_MM_PER_DEG, 2.6 * N_MM_PER_DEG),
+    ("lesser_toes_stiffness", 0.05 * N_MM_PER_DEG, 1.3 * N_MM_PER_DEG),
+    ("big_toe_width", 0.014, 0.040),
 )
-run(codesign, options.out / "codesign")
-codesigned, verdict = result(options.out / "codesign")
-print(f"7. winner:       {in_words(codesigned.walk)} ({verdict})")
+opened = replace(settings, name="codesign", space=replace(settings.space, foot_ranges=ranges))
+designed = run(opened, options.out / "codesign")
+codesigned = designed.best
+assert codesigned is not None
+print(f"7. winner:       {in_words(codesigned.walk)} ({robustness(designed)})")
 
 
 # %% 8. Compare: nominal, perturbed, and in the finer steps of the reference.

@@ -8,18 +8,22 @@ import numpy as np
 import pytest
 from hypothesis import settings as hypothesis_settings
 
-from drake_gait.execution.local import Finished
+from drake_gait.execution.base import Finished
 from drake_gait.foot import FootDesign
 from drake_gait.gait import Gait
-from drake_gait.problem.problem import Candidate, DesignSpace
-from drake_gait.search import proposer as proposer_module
+from drake_gait.problem import Candidate, DesignSpace
+from drake_gait.search.direct import DirectCmaes, DirectIsade
+from drake_gait.search.isade_network import NetworkIsade
 from drake_gait.search.loop import search
+from drake_gait.search.paper import PaperProcedure
+from drake_gait.search.proposer import IsadeSettings
+from drake_gait.search.trust_region import TrustRegion
 from drake_gait.study.reading import read_study
 from drake_gait.study.records import StudyWalk
-from drake_gait.study.search_settings import ConfirmationSettings, SearchSettings
+from drake_gait.study.search_settings import ConfirmationSettings, Mode, SearchSettings
 from drake_gait.study.settings import StudySettings
 from drake_gait.study.store import Study
-from drake_gait.surrogates import ensemble as surrogate
+from drake_gait.surrogates.settings import NetworkSettings
 from drake_gait.walk import Measures, Outcome, Walk
 
 # A law is no race: other processes may hold the machine while an example runs.
@@ -45,7 +49,7 @@ def texts(svg: Path) -> list[str]:
 WRITER = """
 import pathlib, sys, time
 from drake_gait.gait import STANDING
-from drake_gait.problem.problem import Candidate
+from drake_gait.problem import Candidate
 from drake_gait.study.store import Study
 from drake_gait.study.records import StudyWalk
 from drake_gait.walk import Walk
@@ -132,12 +136,28 @@ def planned(settings, **plan):
     return dataclasses.replace(settings, search=SearchSettings(**plan))
 
 
+QUICK_NETWORK, QUICK_ISADE = NetworkSettings(epochs=20), IsadeSettings(iterations=8)
+"""Networks that learn little and short runs of ISADE: the laws of a search hold for any."""
+
+
+def quick_proposer(settings):
+    """The proposer of a study's mode, which learns little in a short time."""
+    quick = {"isade": QUICK_ISADE, "network": QUICK_NETWORK}
+    if settings.search.mode is Mode.DEFAULT:
+        return TrustRegion(settings, **quick)
+    if settings.search.mode is Mode.ISADE_NETWORK:
+        return NetworkIsade(settings, network=QUICK_NETWORK)
+    if settings.search.mode is Mode.PAPER:
+        return PaperProcedure(settings, **quick)
+    return (DirectIsade if settings.search.mode is Mode.ISADE else DirectCmaes)(settings)
+
+
 def run(settings, path, ground=None, report=lambda progress: None):
-    """Start or go on with a study; its walks."""
+    """Start or go on with a study that learns little in a short time; its walks."""
     ground = ground or Ground(settings.space)
     opened = Study.open(path, driver=True) if path.exists() else Study.create(path, {})
     with opened as study:
-        search(settings, study, ground, report)
+        search(settings, study, ground, report, proposer=quick_proposer(settings))
         return study.walks()
 
 
@@ -313,19 +333,6 @@ def finished_run(tmp_path_factory: pytest.TempPathFactory, paper_study: Path) ->
     )
     assert (ended.returncode, ended.stderr) == (0, "")
     return folder, ended.stdout
-
-
-def shorten_trainings(monkeypatch):
-    """Smaller networks and shorter runs of ISADE: the laws of a search hold for any."""
-    monkeypatch.setattr(surrogate, "_EPOCHS", 20)
-    monkeypatch.setattr(surrogate, "_PAPER_EPOCHS", 20)
-    monkeypatch.setattr(proposer_module, "ISADE_ITERATIONS", 8)
-
-
-@pytest.fixture
-def quick(monkeypatch):
-    """A search that learns little in a short time."""
-    shorten_trainings(monkeypatch)
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import numpy as np
 from conftest import walk_at
 
 from drake_gait.execution.local import Finished
-from drake_gait.problem.problem import Constraints
+from drake_gait.problem import Constraints
 
 LIMIT = Constraints().lateral
 BIAS, SWAY, NOISE = 0.5, 0.6, 0.03
@@ -58,7 +58,7 @@ class Grounds:
 
 def trusted(settings, candidate, walks=8):
     """Return the median distance of a candidate's perturbed walks, 0 if two of them fail [m]."""
-    from drake_gait.problem.problem import Trial
+    from drake_gait.problem import Trial
     from drake_gait.search.runner import perturbed
 
     nominal = Trial(candidate=candidate, settings=settings.trial_settings)

@@ -12,7 +12,7 @@ import pytest
 from drake_gait.errors import ModelError
 from drake_gait.execution.local import LocalProcesses
 from drake_gait.gait import Gait
-from drake_gait.problem.problem import Candidate
+from drake_gait.problem import Candidate
 from drake_gait.walk import Outcome, Walk
 
 

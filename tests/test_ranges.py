@@ -9,7 +9,7 @@ from conftest import MINIMAL
 
 from drake_gait.errors import SettingsError
 from drake_gait.gait import TERMS, WAVEFORMS
-from drake_gait.problem.problem import ROUNDING, DesignSpace
+from drake_gait.problem import ROUNDING, DesignSpace
 from drake_gait.ranges import NONE, POSITIVE, OutOfRangeError, Range, Unit, check
 from drake_gait.study import keys as study_keys
 from drake_gait.study.keys import difference, in_file

@@ -15,7 +15,7 @@ import numpy as np
 from bench_walk import walks_of_box
 
 from drake_gait.gait import Start
-from drake_gait.problem.problem import Candidate
+from drake_gait.problem import Candidate
 from drake_gait.simulation.simulate import prepare, simulate
 from drake_gait.sole import Contact, Sole
 from drake_gait.study.reading import default_study

@@ -31,7 +31,7 @@ from make_models import Mass, Shape, element, numbers
 
 from drake_gait.foot import FootDesign
 from drake_gait.gait import FRAME_TIME, FRAMES, JOINTS, FloatArray
-from drake_gait.problem.problem import Candidate
+from drake_gait.problem import Candidate
 from drake_gait.servo import Servo
 from drake_gait.simulation.plant import GROUND_FRICTION
 from drake_gait.simulation.simulate import simulate

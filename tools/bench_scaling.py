@@ -19,8 +19,9 @@ from pathlib import Path
 
 import numpy as np
 
-from drake_gait.execution.local import LocalProcesses, RemoteWorkers, Timed
-from drake_gait.problem.problem import Candidate, DesignSpace, Trial
+from drake_gait.execution.base import RemoteWorkers, Timed
+from drake_gait.execution.local import LocalProcesses
+from drake_gait.problem import Candidate, DesignSpace, Trial
 from drake_gait.search.loop import search
 from drake_gait.simulation.simulate import walk_trial
 from drake_gait.study.reading import default_study, read_study

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from drake_gait.gait import FloatArray
-from drake_gait.problem.problem import quantity
+from drake_gait.problem import quantity
 from drake_gait.simulation.simulate import simulate
 from drake_gait.study.finalists import finalists
 from drake_gait.study.settings import study_settings

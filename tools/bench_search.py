@@ -35,9 +35,9 @@ from scipy.optimize import minimize
 from scipy.stats import wilcoxon
 
 from drake_gait.errors import SettingsError
-from drake_gait.execution.local import Serial
+from drake_gait.execution.base import Serial
 from drake_gait.optimization import is_finished, open_study
-from drake_gait.problem.problem import Candidate, Trial
+from drake_gait.problem import Candidate, Trial
 from drake_gait.report.result import PAPER_TABLE
 from drake_gait.search.grounds import end_of_variation, on_ground
 from drake_gait.search.loop import search

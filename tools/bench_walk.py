@@ -37,7 +37,7 @@ from soak import children
 from drake_gait.execution.local import LocalProcesses
 from drake_gait.execution.machine import cores
 from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray, Gait
-from drake_gait.problem.problem import Candidate, assess
+from drake_gait.problem import Candidate, assess
 from drake_gait.search.proposer import design_of_experiments
 from drake_gait.simulation import simulate as simulation
 from drake_gait.study.ranking import feasible_walks

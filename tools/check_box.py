@@ -13,7 +13,7 @@ from bench_walk import walks_of_box
 
 from drake_gait.execution.local import LocalProcesses
 from drake_gait.execution.machine import cores
-from drake_gait.problem.problem import assess
+from drake_gait.problem import assess
 from drake_gait.simulation.simulate import simulate
 from drake_gait.study.reading import default_study
 

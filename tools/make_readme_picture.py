@@ -23,10 +23,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from drake_gait.cli.replay import choose
+from drake_gait.cli._replay import choose
 from drake_gait.errors import GaitError
 from drake_gait.gait import FRAME_TIME, Gait
-from drake_gait.problem.problem import Candidate
+from drake_gait.problem import Candidate
 from drake_gait.report.page import FIGURES
 from drake_gait.simulation.simulate import simulate
 from drake_gait.visualization.recording import record

@@ -49,6 +49,28 @@ def ctrl_c_ends_at_once() -> None:
 
 
 @contextmanager
+def importing() -> Iterator[None]:
+    """Inside, Ctrl-C and SIGTERM end this process in one line: for slow imports amid a command.
+
+    An import that an exception breaks off takes seconds to say so, in many lines. A signal that is
+    not heard, or that somebody else hears, stays so.
+    """
+    if not _in_main_thread():
+        yield
+        return
+    ours = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: _raise_once}
+    before = {number: signal.getsignal(number) for number in ours}
+    changed = [number for number, handler in ours.items() if before[number] is handler]
+    for number in changed:
+        signal.signal(number, _end_at_once)
+    try:
+        yield
+    finally:
+        for number in changed:
+            signal.signal(number, before[number])
+
+
+@contextmanager
 def sigterm_interrupts() -> Iterator[None]:
     """Inside, SIGTERM raises Terminated and Ctrl-C KeyboardInterrupt in the main thread.
 

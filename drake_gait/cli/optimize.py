@@ -13,24 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from drake_gait.cli._command import conduct
-from drake_gait.cli.progress import display
-from drake_gait.execution.machine import default_workers
+from drake_gait.cli._signals import importing
 from drake_gait.files.shipped import find
-from drake_gait.optimization import open_study, run_study
-from drake_gait.report.build import check_outputs, write_outputs
-from drake_gait.report.result import (
-    baselines_line,
-    manner_in_words,
-    r_squared_line,
-    robust_table,
-    table,
-)
-from drake_gait.search.loop import useful_workers
 from drake_gait.study.reading import default_study, read_override, read_study
-from drake_gait.study.robot import with_robot
 from drake_gait.study.settings import StudySettings
-from drake_gait.study.store import Study
-from drake_gait.surrogates.ensemble import FEWEST_SURVIVORS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,55 +95,14 @@ def _sets(name: str) -> Callable[[str], str]:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit status."""
     return conduct(
-        lambda: _search(parse(arguments)),
+        lambda: _work(parse(arguments)),
         stopped="stopped; what was simulated is safe, and the same command goes on",
         searches=True,
     )
 
 
-def _search(options: Options) -> None:
+def _work(options: Options) -> None:
     settings = options.settings()
-    folder = options.folder(settings.name)
-    workers = options.workers or default_workers(useful_workers(settings))
-    _run(settings, folder, workers, options.dask)
-
-
-def _run(settings: StudySettings, folder: Path, workers: int, dask: str | None) -> None:
-    for note in settings.notes:
-        print(note)
-    with open_study(settings, folder) as study:
-        check_outputs(folder)
-        if "finished" in study.description():
-            print(
-                f"{folder} is finished; more --simulations go on with it, another seed or --out "
-                "starts another study"
-            )
-        else:
-            walks = sum(walk.is_search_walk for walk in study.walks())
-            with display(settings, walks) as show:
-                run_study(settings, study, workers, show, dask=dask)
-        _write_results(settings, study, folder)
-
-
-def _write_results(settings: StudySettings, study: Study, folder: Path) -> None:
-    """Write what the study's folder is to hold, and print the table."""
-    walks, wall_s = study.walks(), study.description().get("wall_s", 0.0)
-    written = write_outputs(with_robot(settings, study), walks, folder, wall_s=wall_s)
-    searched = sum(walk.is_search_walk for walk in walks)
-    print(written.result["verdict"])
-    if written.network is not None:
-        print(f"network of all {searched} walks: {r_squared_line(written.network)}")
-        print(baselines_line(written.result))
-    else:
-        print(
-            f"no network: {written.result['survivors']} of {searched} walks survived, and it "
-            f"needs {FEWEST_SURVIVORS}; move the box to gaits that walk, or let more be simulated"
-        )
-    print(f"\n{table(walks, settings.constraints)}\n")
-    print(
-        "walked again: T1 with noise and other friction, T2 with fresh noise at reference "
-        f"fidelity, T3 with other servos:\n{robust_table(settings, walks)}\n"
-    )
-    if written.replayed is not None and written.replayed.measures is not None:
-        print(f"how it walks: {manner_in_words(written.replayed.measures)}")
-    print(f"{folder}: {', '.join(written.files)}")
+    with importing():  # What a usage error needs not wait for.
+        from drake_gait.cli import _optimize
+    _optimize.work(settings, options.folder(settings.name), options.workers, options.dask)

@@ -8,30 +8,11 @@ the best walks of several studies side by side into one page, for example of sev
 
 import argparse
 import dataclasses
-import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from pydrake.geometry import Meshcat
-
 from drake_gait.cli._command import conduct
-from drake_gait.errors import StudyError
-from drake_gait.files.destination import check, messages
-from drake_gait.files.shipped import find
-from drake_gait.report.result import in_words
-from drake_gait.search.confirmation import walked_as
-from drake_gait.simulation.simulate import simulate
-from drake_gait.study.finalists import winner
-from drake_gait.study.ranking import best_walk
-from drake_gait.study.records import CONFIRMATIONS, StudyWalk
-from drake_gait.study.robot import settings_with_robot
-from drake_gait.study.settings import StudySettings
-from drake_gait.study.store import Study
-from drake_gait.visualization.live import Screen
-from drake_gait.visualization.meshcat import with_meshcat
-from drake_gait.visualization.recording import Exhibit, record, record_gallery
-from drake_gait.walk import Walk, WalkSettings
+from drake_gait.cli._signals import importing
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -88,116 +69,10 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit status."""
-    return conduct(lambda: _show(parse(arguments)))
+    return conduct(lambda: _work(parse(arguments)))
 
 
-def _show(options: Options) -> None:
-    if options.out is None:
-        _watch(options.folder, options.walk, options.port)
-        return
-    check(options.out, what="the recording ")  # Before anything walks.
-    if options.gallery is None and not options.rigid_toes:
-        _replay(options.folder, options.walk, options.out)
-    else:
-        _show_side_by_side(options, options.out)
-
-
-def _replay(folder: Path, number: int | None, out: Path) -> None:
-    settings, chosen, as_then = choose(folder, number)
-    walk = simulate(chosen.candidate, as_then, history=True)
-    if walk.history is None:
-        raise StudyError(
-            f"walk {chosen.id} of {folder} cannot be recorded, {in_words(walk)}; give another "
-            "--walk"
-        )
-    caption = f"{settings.name}, walk {chosen.id}: {in_words(walk)}"
-    record(walk, chosen.candidate, out, model=settings.walk.model, caption=caption)
-    print(f"{out}: {caption}", file=messages(out))
-    _warn_of_difference(folder, walk, chosen)
-
-
-def _show_side_by_side(options: Options, out: Path) -> None:
-    exhibits = []
-    for folder in [options.folder, *(options.gallery or [])]:
-        number = options.walk if folder == options.folder else None
-        settings, chosen, as_then = choose(folder, number)
-        candidates = {"": chosen.candidate}
-        if options.rigid_toes:
-            stiff = dataclasses.replace(chosen.candidate.foot, rigid_toes=True)
-            candidates[", rigid toes"] = dataclasses.replace(chosen.candidate, foot=stiff)
-        for words, candidate in candidates.items():
-            walk = simulate(candidate, as_then, history=True)
-            if walk.history is None:
-                raise StudyError(
-                    f"walk {chosen.id} of {folder}{words} cannot be recorded, {in_words(walk)}; "
-                    "give another --walk, or leave that study out"
-                )
-            if not words:
-                _warn_of_difference(folder, walk, chosen)
-            label = f"{folder.resolve().name}, walk {chosen.id}{words}: {_ending(walk)}"
-            exhibits.append(
-                Exhibit(walk=walk, candidate=candidate, label=label, model=settings.walk.model)
-            )
-            print(label, file=messages(out))
-    record_gallery(exhibits, out, caption=f"{len(exhibits)} walks at the same time")
-    print(out, file=messages(out))
-
-
-def _watch(folder: Path, number: int | None, port: int | None) -> None:
-    settings, chosen, as_then = choose(folder, number)
-
-    def play(meshcat: Meshcat) -> None:
-        screen = Screen(meshcat, settings.walk.model, chosen.candidate.foot)
-        print(f"open {meshcat.web_url()} to watch; Ctrl-C ends it", flush=True)
-        while meshcat.GetNumActiveConnections() == 0:
-            time.sleep(0.1)
-        walk = simulate(chosen.candidate, as_then, watch=screen.show)
-        print(f"{settings.name}, walk {chosen.id}: {in_words(walk)}", flush=True)
-        while meshcat.GetNumActiveConnections() > 0:  # until its last reader has gone
-            time.sleep(0.1)
-
-    with_meshcat(play, port)
-
-
-def choose(folder: Path, number: int | None) -> tuple[StudySettings, StudyWalk, WalkSettings]:
-    """A study's settings, one of its walks (the winner if None), and how that was simulated.
-
-    Raises:
-        StudyError: there is no such study or walk, or another robot walked it.
-    """
-    with Study.open(find(folder) / "study.db") as study:
-        settings = settings_with_robot(study)
-        walks = study.walks()
-    if not walks:
-        raise StudyError(f"{folder} has no walks yet")
-    if number is None:
-        robust, objective = winner(settings, walks), settings.search.objective
-        chosen = robust.walk if robust else best_walk(walks, settings.constraints, objective)
-    else:
-        chosen = _find(walks, number)
-    return settings, chosen, walked_as(settings, chosen)
-
-
-def _warn_of_difference(folder: Path, walk: Walk, chosen: StudyWalk) -> None:
-    if in_words(walk) != in_words(chosen.walk):
-        print(
-            f"warning: the study in {folder} has {in_words(chosen.walk)} for it; other versions or "
-            "another processor walk otherwise",
-            file=sys.stderr,
-        )
-
-
-def _ending(walk: Walk) -> str:
-    """The distance, or why there is none, as text."""
-    return f"{1e3 * walk.forward:.1f} mm" if walk.survived else walk.reason
-
-
-def _find(walks: list[StudyWalk], number: int) -> StudyWalk:
-    for walk in walks:
-        if walk.id == number:
-            return walk
-    last = max(walk.id for walk in walks if walk.is_search_walk)
-    raise StudyError(
-        f"no walk {number}; the study has walks 0 to {last}, and from {CONFIRMATIONS} on those "
-        "that confirm"
-    )
+def _work(options: Options) -> None:
+    with importing():  # What a usage error needs not wait for.
+        from drake_gait.cli import _replay
+    _replay.work(options)

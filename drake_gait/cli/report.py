@@ -9,17 +9,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from drake_gait.cli._command import conduct
-from drake_gait.files.destination import check, messages
-from drake_gait.files.shipped import find
-from drake_gait.report.build import write_outputs
-from drake_gait.report.page import Run, read_result, write_comparison_page
-from drake_gait.study.robot import settings_with_robot
-from drake_gait.study.store import Study
+from drake_gait.cli._signals import importing
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit status."""
-    return conduct(lambda: _report(*_parse(arguments)))
+    return conduct(lambda: _work(*_parse(arguments)))
 
 
 def _parse(arguments: Sequence[str] | None) -> tuple[list[Path], Path | None]:
@@ -41,33 +36,7 @@ def _parse(arguments: Sequence[str] | None) -> tuple[list[Path], Path | None]:
     return options.folders, options.out
 
 
-def _report(folders: Sequence[Path], out: Path | None) -> None:
-    if len(folders) == 1:
-        _remake(folders[0])
-    else:
-        _compare(folders, out or Path("comparison.html"))
-
-
-def _remake(folder: Path) -> None:
-    with Study.open(folder / "study.db") as study:
-        description, settings = study.description(), settings_with_robot(study)
-        walks = study.walks()
-    write_outputs(settings, walks, folder, wall_s=description.get("wall_s", 0.0))
-    print(folder / "report.html")
-
-
-def _compare(folders: Sequence[Path], out: Path) -> None:
-    check(out, what="the report ")
-    write_comparison_page([_run(find(folder)) for folder in folders], out)
-    print(out, file=messages(out))
-
-
-def _run(folder: Path) -> Run:
-    with Study.open(folder / "study.db") as study:
-        settings, walks = study.settings(), study.walks()
-    return Run(
-        folder=folder,
-        settings=settings,
-        result=read_result(folder),
-        walks=walks,
-    )
+def _work(folders: Sequence[Path], out: Path | None) -> None:
+    with importing():  # What a usage error needs not wait for.
+        from drake_gait.cli import _report
+    _report.work(folders, out)

@@ -22,13 +22,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from drake_gait.errors import SettingsError, WorkerError
-from drake_gait.execution.local import RemoteWorkers, Timed
+from drake_gait.execution.base import RemoteWorkers, Timed
 from drake_gait.execution.worker_process import (
     WalkFunction,
     WorkerDiedError,
     WorkerProcess,
 )
-from drake_gait.problem.problem import Trial
+from drake_gait.problem import Trial
 from drake_gait.provenance import source_sha256
 
 if TYPE_CHECKING:
@@ -44,8 +44,20 @@ _STOPPING_TIME = 1.0  # For workers to hear that they may stop walking [s].
 _CLOSING_TIME = 0.4  # For the client, and for a cluster of our own, to end: all of it in 2 s [s].
 
 
+def identity() -> dict[str, str]:
+    """What decides a walk's numbers on this machine, but for its processor.
+
+    The robot is not among it: its content comes with the walks.
+    """
+    return {
+        "python": ".".join(platform.python_version_tuple()[:2]),
+        **{package: version(package) for package in ("drake", "numpy")},
+        "drake_gait": source_sha256()[:12],
+    }
+
+
 class DaskCluster(RemoteWorkers):
-    """Walks on a Dask cluster: `with DaskCluster(walk, "tcp://10.0.0.1:8786") as workers`.
+    """Walks on a Dask cluster: `with DaskCluster(walk, "tcp://10.0.0.1:8786") as executor`.
 
     Args:
         walk: What a worker runs, importable by its name (or a functools.partial of such).
@@ -53,7 +65,8 @@ class DaskCluster(RemoteWorkers):
             cluster on this machine.
         count: Number of that one's workers.
         time_limit: Computing time, or standing still, after which a walk is given up [s].
-        identity: What has to be the same here and on every worker.
+        identity: What has to be the same here and on every worker; by default the versions of
+            Python, Drake, NumPy and this package.
 
     Raises:
         SettingsError: dask.distributed is not installed, or there is no such file.
@@ -68,7 +81,7 @@ class DaskCluster(RemoteWorkers):
         *,
         count: int = 1,
         time_limit: float = 120.0,
-        identity: Identity = dict,
+        identity: Identity = identity,
     ) -> None:
         super().__init__()
         self._address, self._owner = address, uuid.uuid4().hex
@@ -228,18 +241,6 @@ def _address_in(scheduler_file: str) -> str:
 
 
 _CURE = "install the same on every machine, and start its workers again"
-
-
-def identity() -> dict[str, str]:
-    """What decides a walk's numbers on this machine, but for its processor.
-
-    The robot is not among it: its content comes with the walks.
-    """
-    return {
-        "python": ".".join(platform.python_version_tuple()[:2]),
-        **{package: version(package) for package in ("drake", "numpy")},
-        "drake_gait": source_sha256()[:12],
-    }
 
 
 def _require_same(worker: str, found: Mapping[str, str], wanted: Mapping[str, str]) -> None:

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from drake_gait.errors import WorkerError
-from drake_gait.problem.problem import Trial
+from drake_gait.problem import Trial
 from drake_gait.walk import Walk
 
 WalkFunction = Callable[[Trial], Walk]

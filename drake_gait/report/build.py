@@ -12,6 +12,7 @@ from drake_gait.files.strict_json import plain, to_json
 from drake_gait.gait import FloatArray, Start
 from drake_gait.report.page import FIGURES, PORTRAIT, Run, write_study_page
 from drake_gait.report.result import in_words, summary
+from drake_gait.report.study_result import RESULT, StudyResult
 from drake_gait.search.confirmation import walked_as
 from drake_gait.search.proposer import training_data
 from drake_gait.simulation.plant import stall_torques
@@ -19,7 +20,9 @@ from drake_gait.simulation.simulate import simulate
 from drake_gait.study.finalists import measured, winner
 from drake_gait.study.ranking import best_walk
 from drake_gait.study.records import StudyWalk
+from drake_gait.study.robot import settings_with_robot
 from drake_gait.study.settings import StudySettings
+from drake_gait.study.store import PROPOSER, Study
 from drake_gait.study.toml import write_study_toml
 from drake_gait.surrogates import ensemble as surrogate
 from drake_gait.surrogates.baselines import Comparison, compare
@@ -57,8 +60,39 @@ class Outputs:
     """Names of what is in the study's folder now, its figures as their folder."""
 
 
+def write_report(folder: str | Path) -> StudyResult:
+    """Write the report of the study in a folder, with its figures and recording.
+
+    result.json gets the numbers of the network. A study that is still running is reported as far
+    as it is. This takes some seconds, and loads torch, matplotlib and Drake.
+
+    Args:
+        folder: The study's folder.
+
+    Raises:
+        StudyError: it holds no study that can be read.
+        GaitError: a file cannot be written.
+    """
+    folder = Path(folder)
+    with Study.open(folder / "study.db") as study:
+        known, settings, walks = study.description(), settings_with_robot(study), study.walks()
+    written = write_outputs(
+        settings,
+        walks,
+        folder,
+        wall_s=known.get("wall_s", 0.0),
+        proposer=known.get(PROPOSER),
+    )
+    return StudyResult.from_plain(written.result, folder)
+
+
 def write_outputs(
-    settings: StudySettings, walks: list[StudyWalk], folder: Path, *, wall_s: float
+    settings: StudySettings,
+    walks: list[StudyWalk],
+    folder: Path,
+    *,
+    wall_s: float,
+    proposer: str | None = None,
 ) -> Outputs:
     """Write what a study's folder holds beside its walks: result, settings, recording, report.
 
@@ -79,11 +113,13 @@ def write_outputs(
     replayed = simulate(best.candidate, how, history=True) if best else None
     measures = replayed.measures if replayed else None
     result: dict[str, Any] = plain({
-        **summary(settings, walks, network, wall_s=wall_s, baselines=baselines),
+        **summary(
+            settings, walks, network, wall_s=wall_s, baselines=baselines, proposer=proposer
+        ),
         "measures": asdict(measures) if measures else None,
         "jumps_deg": _jumps(best, settings.walk.start) if best else None,
     })  # fmt: skip
-    write(folder / "result.json", to_json(result) + "\n")
+    write(folder / RESULT, to_json(result) + "\n")
     make_folder(folder / FIGURES)
     _forget_unmade(folder, searched, replayed, network)
     if best is not None and replayed is not None:

@@ -24,7 +24,7 @@ from sqlalchemy.exc import ArgumentError
 
 from drake_gait.errors import StudyError
 from drake_gait.foot import SEARCHED_IN_LOG
-from drake_gait.problem.problem import COEFFICIENTS
+from drake_gait.problem import COEFFICIENTS
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
 from drake_gait.study.store import Study

@@ -18,9 +18,7 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from drake_gait.errors import StudyError
 from drake_gait.files.destination import write
-from drake_gait.files.strict_json import from_json
 from drake_gait.gait import FRAMES
 from drake_gait.report import tables as report_tables
 from drake_gait.report.result import PAPER_TABLE
@@ -96,7 +94,7 @@ def write_study_page(run: Run, path: Path) -> None:
             "dropped": report_tables.finalists(result, dropped=True),
             "finalists_manner": report_tables.manner_of_finalists(result),
             "manner": report_tables.manner(measures) if measures else None,
-            "stages": report_tables.stages(run.walks, run.settings),
+            "stages": report_tables.stages(run.walks, run.settings, result.get("proposer")),
             "failures": report_tables.failures(run.walks),
             "network": report_tables.network(result),
             "settings": report_tables.settings(run.settings.description()),
@@ -165,24 +163,6 @@ def command(run: Run) -> str:
     if file is not None:
         return shlex.join(again)
     return f"{shlex.join(['python', '-m', 'drake_gait', 'report', folder])} && {shlex.join(again)}"
-
-
-def read_result(folder: Path) -> dict[str, Any]:
-    """The content of a study's result.json.
-
-    Raises:
-        StudyError: there is none that can be read.
-    """
-    path = folder / "result.json"
-    try:
-        found = from_json(path.read_bytes())
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        again = f"python -m drake_gait report {shlex.quote(str(folder))}"
-        raise StudyError(f"cannot read {path}: {reason}; `{again}` writes it anew") from None
-    if not isinstance(found, dict):
-        raise StudyError(f"{path} is no result of a study")
-    return found
 
 
 @lru_cache(maxsize=1)

@@ -1,21 +1,24 @@
-"""A study's outcome in numbers: what result.json holds, and tables like the paper's Table II."""
+"""A study's outcome in numbers and words, and tables like the paper's Table II."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from drake_gait.problem.problem import OUTPUTS, Constraints
+from drake_gait.problem import OUTPUTS, Constraints
 from drake_gait.provenance import versions
+from drake_gait.report.study_result import best_in_words, distances, plain_walk
 from drake_gait.study.finalists import Finalist, Tier, best_unslipping, finalists, winner
 from drake_gait.study.ranking import best_walk, feasible_walks
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
-from drake_gait.surrogates.baselines import Comparison
-from drake_gait.surrogates.ensemble import Surrogate
 from drake_gait.walk import Measures, Outcome, Walk
+
+if TYPE_CHECKING:  # They load torch and scikit-learn, which no word needs.
+    from drake_gait.surrogates.baselines import Comparison
+    from drake_gait.surrogates.ensemble import Surrogate
 
 PAPER_TABLE = (
     # X_f [mm], Z_f [mm], R_f [deg], N: the paper's Table II, F1 to F8.
@@ -33,12 +36,13 @@ PAPER_TABLE = (
 def summary(
     settings: StudySettings,
     walks: Sequence[StudyWalk],
-    network: Surrogate | None,
+    network: "Surrogate | None",
     *,
-    baselines: Comparison | None = None,
+    baselines: "Comparison | None" = None,
     wall_s: float,
+    proposer: str | None = None,
 ) -> dict[str, Any]:
-    """Return what result.json holds: the best walk, how the search went, and with what.
+    """Return the content of result.json, see `StudyResult`.
 
     Lengths in millimetres and angles in degrees where the key says so; the foot in SI units. Where
     no walk is feasible, the best is the one nearest to it. A number that is not known is None: all
@@ -55,8 +59,9 @@ def summary(
         "study": settings.name,
         "seed": settings.seed,
         "mode": str(settings.search.mode),
+        "proposer": proposer,
         "verdict": verdict(settings, walks),
-        "walk": best.id if best else None,
+        "best": plain_walk(best) if best else None,
         "winner": robust.walk.id if robust else None,
         "tier": int(robust.tier) if robust else int(Tier.FOUND),
         "trusted_mm": _mm(robust.trusted) if robust else None,
@@ -64,11 +69,7 @@ def summary(
         "best_unslipping": unslipping.id if unslipping else None,
         "finalists": [_finalist(settings, one) for one in finalists(settings, walks)],
         "feasible": best is not None and settings.assess(best.walk).feasible,
-        "outcome": str(best.walk.outcome) if best else None,
-        **_distances(best.walk if best else None),
-        "steps": best.walk.steps if best else None,
-        "coefficients_deg": best.candidate.gait.degrees.tolist() if best else None,
-        "foot": asdict(best.candidate.foot) if best else None,
+        **best_in_words(best),
         "simulations": len(searched),
         "confirmations": len(walks) - len(searched),
         "survivors": sum(walk.walk.survived for walk in searched),
@@ -82,16 +83,6 @@ def summary(
         "wall_s": wall_s,
         "versions": versions(),
     }
-
-
-def _distances(walk: Walk | None) -> dict[str, float | None]:
-    """Return the paper's numbers of a walk but N; None of a walk that was not simulated."""
-    names = ("forward_mm", "lateral_mm", "yaw_deg", "com_height_mm")
-    if walk is None or walk.outcome is Outcome.DIVERGED:
-        return dict.fromkeys(names)
-    lengths = (1e3 * walk.forward, 1e3 * walk.lateral)
-    numbers = (*lengths, float(np.degrees(walk.yaw)), 1e3 * walk.com_height)
-    return dict(zip(names, numbers, strict=True))
 
 
 def verdict(settings: StudySettings, walks: Sequence[StudyWalk]) -> str:
@@ -175,7 +166,7 @@ def _finalist(settings: StudySettings, finalist: Finalist) -> dict[str, Any]:
         "reference": reference
         and {
             "outcome": str(reference.walk.outcome),
-            **_distances(reference.walk),
+            **distances(reference.walk),
             "steps": reference.walk.steps,
             "feasible": settings.assess(reference.walk).feasible,
         },
@@ -252,7 +243,7 @@ def table(walks: Sequence[StudyWalk], limits: Constraints) -> str:
     return "\n".join(lines)
 
 
-def r_squared_line(network: Surrogate) -> str:
+def r_squared_line(network: "Surrogate") -> str:
     """R² of every output, training and held-out, as text."""
     names = ("Z", "X", "R", "Y")
     pairs = zip(names, network.r2_train, network.r2_heldout, strict=False)

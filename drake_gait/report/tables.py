@@ -10,7 +10,7 @@ import numpy as np
 
 from drake_gait.foot import DESIGN_UNITS, N_MM_PER_DEG
 from drake_gait.gait import CYCLE_TIME, FRAME_TIME, TERMS, WAVEFORMS
-from drake_gait.problem.problem import Constraints
+from drake_gait.problem import Constraints
 from drake_gait.report.result import PAPER_TABLE
 from drake_gait.study.ranking import feasible_walks
 from drake_gait.study.records import CONFIRMATION, StudyWalk
@@ -243,8 +243,16 @@ def manner(measures: Mapping[str, Any]) -> Table:
                  rows=rows)  # fmt: skip
 
 
-def stages(walks: Iterable[StudyWalk], settings: StudySettings) -> Table:
-    """Return what the walks were simulated for, and what became of them."""
+def stages(
+    walks: Iterable[StudyWalk], settings: StudySettings, proposer: str | None = None
+) -> Table:
+    """Return what the walks were simulated for, and what became of them.
+
+    Args:
+        walks: All of a study.
+        settings: The study's.
+        proposer: Name of the proposer that was handed over, if one was.
+    """
     counts: dict[str, list[int]] = {}
     for walk in walks:
         row = counts.setdefault(walk.stage, [0, 0, 0])
@@ -252,6 +260,8 @@ def stages(walks: Iterable[StudyWalk], settings: StudySettings) -> Table:
         row[1] += walk.walk.survived
         row[2] += settings.assess(walk.walk).feasible
     design, infill = STAGE_NAMES[settings.search.mode]
+    if proposer is not None:
+        design, infill = "first iteration", f"proposed by {proposer}"
     names = {"design": design, "infill": infill, CONFIRMATION: "walked again to confirm"}
     rows = [[names.get(stage, stage), *map(str, row)] for stage, row in counts.items()]
     rows.append(["all", *(str(sum(row[place] for row in counts.values())) for place in range(3))])

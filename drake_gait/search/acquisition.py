@@ -12,7 +12,7 @@ from scipy.special import betainc, ndtr
 from scipy.stats import norm
 
 from drake_gait.gait import FloatArray
-from drake_gait.problem.problem import Limit
+from drake_gait.problem import Limit
 from drake_gait.search.grounds import predictions, together
 from drake_gait.study.ranking import robust_count
 from drake_gait.study.search_settings import Risk

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from drake_gait.gait import JOINTS
-from drake_gait.problem.problem import Trial
+from drake_gait.problem import Trial
 from drake_gait.search.grounds import end_of, on_ground
 from drake_gait.search.recommendation import Adviser
 from drake_gait.search.runner import Planned, Runner, perturbed

@@ -7,6 +7,7 @@ from cmaes import CMA
 
 from drake_gait.gait import FloatArray
 from drake_gait.optimizers import isade
+from drake_gait.ranges import POSITIVE, check
 from drake_gait.search.proposer import (
     Proposal,
     latin_hypercube,
@@ -16,21 +17,24 @@ from drake_gait.study.ranking import Sample
 from drake_gait.study.settings import StudySettings
 from drake_gait.surrogates.ensemble import Network
 
-_POPULATION = 30
-"""Individuals of ISADE on the simulator: a budget of hundreds of walks bears no more."""
-_GENERATIONS = 13
-"""Generations over which its steps shrink, those of 400 walks: were they the budget's own, a larger
-budget would change walks that there are."""
-_STEP = 0.5
-"""First step size of CMA-ES in units of the box."""
-
 
 class DirectIsade:
-    """ISADE on the simulator, from a Latin hypercube in the box."""
+    """ISADE on the simulator, from a Latin hypercube in the box.
 
-    def __init__(self, settings: StudySettings) -> None:
+    Args:
+        settings: The study's: its box and seed.
+        population: Individuals; a budget of hundreds of walks bears no more than 30.
+        generations: Generations over which its steps shrink, those of 400 walks. Were they the
+            budget's own, a larger budget would change walks that there are.
+    """
+
+    def __init__(
+        self, settings: StudySettings, *, population: int = 30, generations: int = 13
+    ) -> None:
         self._settings = settings
-        self.samples = self.batch = _POPULATION
+        self._generations = generations
+        self.samples = self.batch = population
+        self.name = f"DirectIsade(population={population}, generations={generations})"
         self._optimiser: isade.Isade | None = None
 
     def vintage(self, iteration: int) -> int:
@@ -49,15 +53,15 @@ class DirectIsade:
         if self._optimiser is None:
             self._optimiser = isade.Isade(
                 settings.space.limits,
-                population_size=_POPULATION,
+                population_size=self.batch,
                 seed=seed_of(settings.seed, Purpose.PROPOSAL),
-                max_generations=_GENERATIONS,
-                initial=latin_hypercube(settings, _POPULATION),
+                max_generations=self._generations,
+                initial=latin_hypercube(settings, self.batch),
             )
         while self._optimiser.generation < iteration:  # Also what a study did before it went on.
-            start = self._optimiser.generation * _POPULATION
+            start = self._optimiser.generation * self.batch
             self._optimiser.ask()
-            found = [sample.assessment for sample in known[start : start + _POPULATION]]
+            found = [sample.assessment for sample in known[start : start + self.batch]]
             self._optimiser.tell(
                 [one.objective for one in found], np.array([one.violations for one in found])
             )
@@ -66,18 +70,25 @@ class DirectIsade:
 
 
 class DirectCmaes:
-    """CMA-ES (the `cmaes` library) on the paper's penalised fitness, from the middle of the box."""
+    """CMA-ES (the `cmaes` library) on the paper's penalised fitness, from the middle of the box.
 
-    def __init__(self, settings: StudySettings) -> None:
+    Args:
+        settings: The study's: its box and seed.
+        step: First step size in units of the box.
+    """
+
+    def __init__(self, settings: StudySettings, *, step: float = 0.5) -> None:
+        check("step", step, POSITIVE)
         self._settings = settings
         limits = settings.space.limits
         self._optimiser = CMA(
             mean=np.clip(np.zeros(len(limits)), limits[:, 0], limits[:, 1]),
-            sigma=_STEP,
+            sigma=step,
             bounds=limits,
             seed=seed_of(settings.seed, Purpose.PROPOSAL) % 2**31,
         )
         self.samples = self.batch = self._optimiser.population_size
+        self.name = f"DirectCmaes(step={step})"
         self._asked: list[FloatArray] = []
 
     def vintage(self, iteration: int) -> int:

@@ -20,6 +20,7 @@ from drake_gait.search.seeding import Purpose, seed_of
 from drake_gait.study.ranking import Sample
 from drake_gait.study.settings import StudySettings
 from drake_gait.surrogates.ensemble import Network, Surrogate
+from drake_gait.surrogates.settings import NetworkSettings
 
 _POPULATION = 15
 """Individuals: the most promising of the latest 600 candidates."""
@@ -38,12 +39,20 @@ class NetworkIsade:
     Args:
         settings: The study.
         variant: That of `isade.Isade`.
+        network: Size of the networks, and how long they learn.
     """
 
-    def __init__(self, settings: StudySettings, variant: str = "paper") -> None:
+    def __init__(
+        self,
+        settings: StudySettings,
+        variant: str = "paper",
+        *,
+        network: NetworkSettings | None = None,
+    ) -> None:
         self._settings, self._variant = settings, variant
+        self.name = f"NetworkIsade({variant!r}, {network or NetworkSettings()})"
         self.samples, self.batch = settings.search.samples, settings.search.batch
-        self._learner = Learner(settings, self.samples, self.batch)
+        self._learner = Learner(settings, self.samples, self.batch, network)
 
     def vintage(self, iteration: int) -> int:
         """An earlier one where networks take longer than walks."""

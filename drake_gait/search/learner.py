@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from drake_gait.gait import FloatArray
-from drake_gait.problem.problem import quantity
+from drake_gait.problem import quantity
 from drake_gait.search.acquisition import chance_to_hold
 from drake_gait.search.grounds import Grounded, grounded_inputs, predictions, together
 from drake_gait.search.proposer import all_walks
@@ -21,6 +21,7 @@ from drake_gait.study.settings import StudySettings
 from drake_gait.surrogates import ensemble
 from drake_gait.surrogates.ensemble import FEWEST_SURVIVORS, BoolArray, Network, Surrogate
 from drake_gait.surrogates.residual_gp import KrigedNetwork
+from drake_gait.surrogates.settings import NetworkSettings
 
 WINDOW = 600
 """Walks, the latest, that a network learns."""
@@ -37,10 +38,18 @@ class Learner:
         settings: The study.
         samples: Candidates of the first iteration.
         batch: Candidates of every other iteration.
+        network: Size of the networks, and how long they learn.
     """
 
-    def __init__(self, settings: StudySettings, samples: int, batch: int) -> None:
+    def __init__(
+        self,
+        settings: StudySettings,
+        samples: int,
+        batch: int,
+        network: NetworkSettings | None = None,
+    ) -> None:
         self._settings, self._samples, self._batch = settings, samples, batch
+        self._network = network
         self._vintages = [0, 1]
 
     def vintage(self, iteration: int) -> int:
@@ -55,9 +64,8 @@ class Learner:
     def learn(self, iteration: int, known: Sequence[Sample]) -> Surrogate | None:
         """Return the network of the samples known to an iteration, if enough survived."""
         walks = all_walks(known)[-WINDOW:]
-        return learnt(
-            self._settings, walks, seed_of(self._settings.seed, Purpose.NETWORK, iteration)
-        )
+        seed = seed_of(self._settings.seed, Purpose.NETWORK, iteration)
+        return learnt(self._settings, walks, seed, self._network)
 
     def asked(self, network: Surrogate, iteration: int, known: Sequence[Sample]) -> Network:
         """Return what an iteration asks: its network, corrected by the walks since."""
@@ -77,12 +85,17 @@ class Learner:
         return 0 if iteration == 0 else self._samples + (iteration - 1) * self._batch
 
 
-def learnt(settings: StudySettings, walks: Sequence[StudyWalk], seed: int) -> Surrogate | None:
+def learnt(
+    settings: StudySettings,
+    walks: Sequence[StudyWalk],
+    seed: int,
+    network: NetworkSettings | None = None,
+) -> Surrogate | None:
     """Return the network of some walks, or None if too few survived."""
     x, outputs, survived = grounded_data(settings, walks)
     if ensemble.learnable(outputs, survived).sum() < FEWEST_SURVIVORS:
         return None
-    return ensemble.fit(x, outputs, survived, seed=seed)
+    return ensemble.fit(x, outputs, survived, seed=seed, settings=network)
 
 
 def corrected(settings: StudySettings, network: Surrogate, since: Sequence[StudyWalk]) -> Network:

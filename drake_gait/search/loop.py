@@ -11,7 +11,10 @@ from concurrent.futures import Future
 from dataclasses import replace
 from functools import partial
 
-from drake_gait.problem.problem import Trial
+import numpy as np
+
+from drake_gait.errors import SettingsError
+from drake_gait.problem import DesignSpace, Trial
 from drake_gait.search import modes
 from drake_gait.search.confirmation import confirm
 from drake_gait.search.grounds import Grounded, end_of_proposal, on_ground
@@ -23,6 +26,11 @@ from drake_gait.study.store import Study
 from drake_gait.surrogates.arithmetic import single_thread
 from drake_gait.surrogates.ensemble import Network, Prediction, Surrogate
 
+_ROUNDING = 1e-6
+"""A design vector beyond a limit by no more than this is at it, in units of the box."""
+
+_STAGES = ("design", "infill")
+
 _WORTH_A_START = 4  # Walks that take as long as the start of a process.
 
 
@@ -31,6 +39,7 @@ def search(
     study: Study,
     evaluate: Evaluate,
     report: Callable[[Progress], None] = lambda progress: None,
+    *,
     proposer: Proposer | None = None,
 ) -> None:
     """Run a study to its end, from wherever it stands.
@@ -40,10 +49,14 @@ def search(
         study: Where every finished walk is kept.
         evaluate: Simulates trials.
         report: Told how far it is, after every walk.
-        proposer: Proposes the walks, instead of that of the study's mode.
+        proposer: Proposes the candidates; by default that of the study's mode.
+
+    Raises:
+        SettingsError: the proposer proposes what cannot be walked.
+        WorkerError: what simulates yields other walks than it was given.
     """
     runner = Runner(settings, study, evaluate, report)
-    run = _Run(settings, runner, proposer)
+    run = _Run(settings, runner, proposer or modes.proposer(settings))
     for iteration in range(run.iterations):
         if run.is_complete(iteration):
             continue
@@ -57,12 +70,12 @@ def search(
     confirm(settings, runner, run.samples())
 
 
-def useful_workers(settings: StudySettings) -> int:
+def useful_workers(settings: StudySettings, proposer: Proposer | None = None) -> int:
     """Return how many processes can walk for a study at once and are worth their start.
 
     A process takes as long to start as a few walks take.
     """
-    own, plan = modes.proposer(settings), settings.search
+    own, plan = proposer or modes.proposer(settings), settings.search
     at_once = max(own.samples, own.batch * plan.replicas, settings.confirmation.replicas)
     return max(1, min(at_once, plan.simulations // _WORTH_A_START))
 
@@ -87,11 +100,12 @@ class _Run:
     Candidates are numbered from 0; those after a design of experiments have replicas.
     """
 
-    def __init__(self, settings: StudySettings, runner: Runner, chosen: Proposer | None) -> None:
+    def __init__(self, settings: StudySettings, runner: Runner, proposer: Proposer) -> None:
         self._settings, self._plan = settings, settings.search
         self._runner = runner
-        self._proposer = chosen or modes.proposer(settings)
-        self._single = self._proposer.samples if self._plan.learns else 0
+        self._proposer = proposer
+        samples = min(proposer.samples, self._plan.simulations)
+        self._single = samples if self._plan.learns else 0
         self._known: dict[int, Sample] = {}
         self._networks: dict[int, Future[Network | None]] = {}
 
@@ -143,7 +157,9 @@ class _Run:
             self._runner.network = network
         known, count = self._samples_before(iteration), len(self._numbers(iteration))
         with single_thread():  # Once, not at each of a thousand predictions.
-            return self._proposer.propose(iteration, known, network, count)
+            proposal = self._proposer.propose(iteration, known, network, count)
+        _check(proposal, self._settings.space, self._proposer.name, iteration, count)
+        return proposal
 
     def planned(self, iteration: int, proposal: Proposal) -> Iterator[Planned]:
         """The walks of a proposal."""
@@ -216,3 +232,27 @@ def _expected(prediction: Prediction, index: int) -> dict[str, float]:
     forward, lateral, yaw = (float(value) for value in prediction.mean[index][:3])
     survival = float(prediction.survival[index])
     return {"forward": forward, "lateral": lateral, "yaw": yaw, "survival": survival}
+
+
+def _check(proposal: Proposal, space: DesignSpace, name: str, iteration: int, count: int) -> None:
+    """Refuse design vectors that are not the ones asked for, or that no candidate has."""
+    told = f"iteration {iteration} of the proposer {name}"
+    x = np.asarray(proposal.x, dtype=float)
+    if x.shape != (count, space.dimension):
+        raise SettingsError(
+            f"{told} proposes design vectors of shape {x.shape}; it must be "
+            f"({count}, {space.dimension})"
+        )
+    lower, upper = space.limits.T
+    outside = ~((x >= lower - _ROUNDING) & (x <= upper + _ROUNDING))  # NaN is outside too.
+    if outside.any():
+        row, column = np.argwhere(outside)[0]
+        raise SettingsError(
+            f"{told} proposes {space.names[column]} = {x[row, column]:g} in row {row}; in units of "
+            f"the box it must lie in {lower[column]:.6g} to {upper[column]:.6g}; clip it to "
+            "settings.space.limits"
+        )
+    if proposal.stage not in _STAGES:
+        raise SettingsError(
+            f"{told} gives the stage {proposal.stage!r}; it must be one of {', '.join(_STAGES)}"
+        )

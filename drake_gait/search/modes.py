@@ -12,7 +12,7 @@ from drake_gait.study.settings import StudySettings
 
 
 def proposer(settings: StudySettings) -> Proposer:
-    """The proposer of a study's mode."""
+    """Return the proposer of a study's mode, as it is without settings of its own."""
     modes: dict[Mode, Callable[[StudySettings], Proposer]] = {
         Mode.DEFAULT: TrustRegion,
         Mode.ISADE_NETWORK: NetworkIsade,

@@ -6,9 +6,9 @@ import numpy as np
 
 from drake_gait.gait import FRAMES, FloatArray
 from drake_gait.optimizers import isade
-from drake_gait.problem.problem import PENALTY
-from drake_gait.search import proposer
+from drake_gait.problem import PENALTY
 from drake_gait.search.proposer import (
+    IsadeSettings,
     Proposal,
     all_walks,
     design_of_experiments,
@@ -19,6 +19,7 @@ from drake_gait.study.ranking import Sample
 from drake_gait.study.settings import StudySettings
 from drake_gait.surrogates import ensemble as surrogate
 from drake_gait.surrogates.ensemble import Network
+from drake_gait.surrogates.settings import PAPER_NETWORK, NetworkSettings
 
 
 class PaperProcedure:
@@ -26,12 +27,25 @@ class PaperProcedure:
 
     One network of all samples, falls and all; its optimum under the penalty function is simulated
     and added.
+
+    Args:
+        settings: The study's: its box, limits, objective, seed and samples.
+        isade: When ISADE stops on the network.
+        network: Size of the network, and how long it learns.
     """
 
     batch = 1
 
-    def __init__(self, settings: StudySettings) -> None:
+    def __init__(
+        self,
+        settings: StudySettings,
+        *,
+        isade: IsadeSettings | None = None,
+        network: NetworkSettings = PAPER_NETWORK,
+    ) -> None:
         self._settings = settings
+        self._isade, self._network = isade or IsadeSettings(), network
+        self.name = f"PaperProcedure({self._isade}, {self._network})"
         self.samples = settings.search.samples
         self._names = (*settings.outputs, "steps")
 
@@ -48,7 +62,10 @@ class PaperProcedure:
         frames = [[float(walk.walk.steps)] for walk in walks]
         targets = np.nan_to_num(np.column_stack([outputs, frames]))
         return surrogate.fit_single(
-            x, targets, seed=seed_of(settings.seed, Purpose.NETWORK, iteration)
+            x,
+            targets,
+            seed=seed_of(settings.seed, Purpose.NETWORK, iteration),
+            settings=self._network,
         )
 
     def propose(
@@ -69,8 +86,8 @@ class PaperProcedure:
             vectorized=True,
             seed=seed_of(settings.seed, Purpose.PROPOSAL, iteration),
             max_evaluations=10**9,
-            max_iterations=proposer.ISADE_ITERATIONS,
-            stagnation=proposer.ISADE_STAGNATION,
+            max_iterations=self._isade.iterations,
+            stagnation=self._isade.stagnation,
         )
         return Proposal(x=found.x[None, :], stage="infill", network=network)
 

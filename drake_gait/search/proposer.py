@@ -2,22 +2,37 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
+from drake_gait.errors import SettingsError
 from drake_gait.gait import FloatArray
-from drake_gait.problem.problem import DesignSpace, quantity
+from drake_gait.problem import DesignSpace, quantity
 from drake_gait.search.seeding import Purpose, generator
 from drake_gait.study.ranking import Sample
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
-from drake_gait.surrogates.ensemble import Network
 
-ISADE_ITERATIONS, ISADE_STAGNATION = 1000, 50
-"""When ISADE stops on a network (paper, IV.B)."""
+if TYPE_CHECKING:  # It loads torch, which a proposer need not know.
+    from drake_gait.surrogates.ensemble import Network
+
+
+@dataclass(frozen=True, kw_only=True)
+class IsadeSettings:
+    """When ISADE stops on a network (paper, IV.B)."""
+
+    iterations: int = 1000
+    """Generations at most."""
+    stagnation: int = 50
+    """Stop after so many generations without a better point."""
+
+    def __post_init__(self) -> None:
+        for name in ("iterations", "stagnation"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+                raise SettingsError(f"isade {name} must be a whole number >= 1, got {value!r}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -28,42 +43,57 @@ class Proposal:
     """Design vectors, shape (n, d)."""
     stage: str
     """What they are for: "design" or "infill"."""
-    network: Network | None = None
+    network: "Network | None" = None
     """What expects something of them."""
 
 
 class Proposer(Protocol):
-    """One way to search."""
+    """One way to search.
 
-    samples: int
-    """Candidates of the first iteration."""
-    batch: int
-    """Candidates of every other iteration."""
+    A study searches with any object that has these, see docs/howto/own_proposer.md. A study that
+    goes on makes the proposer anew: it is to propose the same from the same samples, whenever it is
+    asked. So its random numbers come from a seed and the iteration.
+    """
+
+    @property
+    def name(self) -> str:
+        """Its name with its settings: a study does not go on with a proposer of another name."""
+        ...
+
+    @property
+    def samples(self) -> int:
+        """Candidates of the first iteration."""
+        ...
+
+    @property
+    def batch(self) -> int:
+        """Candidates of every other iteration."""
+        ...
 
     def vintage(self, iteration: int) -> int:
-        """The iteration whose network an iteration uses, at most its own.
+        """Return the iteration whose network an iteration uses, at most its own.
 
-        One that is less learns while later walks are still being simulated, without those.
+        A smaller one learns while later walks are still being simulated, without those.
         """
         ...
 
-    def learn(self, iteration: int, known: Sequence[Sample]) -> Network | None:
-        """What is learnt for an iteration, if anything.
+    def learn(self, iteration: int, known: Sequence[Sample]) -> "Network | None":
+        """Learn for an iteration from the walks so far; None where nothing is learnt.
 
         Args:
             iteration: Its number, from 0.
-            known: The samples to learn from.
+            known: The samples to learn from, in the order in which they were proposed.
         """
         ...
 
     def propose(
-        self, iteration: int, known: Sequence[Sample], network: Network | None, count: int
+        self, iteration: int, known: Sequence[Sample], network: "Network | None", count: int
     ) -> Proposal:
-        """The candidates of an iteration.
+        """Return the candidates of an iteration.
 
         Args:
             iteration: Its number, from 0.
-            known: The samples of all iterations before it.
+            known: The samples of all iterations before it, in the order of their proposal.
             network: What was learnt for it.
             count: Candidates to propose; fewer than a batch at the end of the budget.
         """
@@ -77,6 +107,8 @@ def design_of_experiments(settings: StudySettings) -> FloatArray:
 
 def latin_hypercube(settings: StudySettings, count: int, *index: int) -> FloatArray:
     """Return points of the box, shape (count, d); the index fixes their random numbers."""
+    from scipy.stats import qmc  # It takes half a second to load.
+
     rng = generator(settings.seed, Purpose.DESIGN, *index)
     unit = qmc.LatinHypercube(settings.space.dimension, rng=rng).random(count)
     lower, upper = settings.space.box.T

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import expit, logit
 
 from drake_gait.gait import FloatArray
-from drake_gait.problem.problem import Candidate, quantity
+from drake_gait.problem import Candidate, quantity
 from drake_gait.search.learner import corrected, learnt, promise
 from drake_gait.search.proposer import all_walks
 from drake_gait.search.seeding import Purpose, seed_of

@@ -1,19 +1,22 @@
 """Simulates what a study plans, keeps every walk as it finishes, and tells how far it is."""
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from drake_gait.execution.local import Finished
-from drake_gait.problem.problem import Trial
+from drake_gait.errors import WorkerError
+from drake_gait.execution.base import Finished
+from drake_gait.problem import Trial
 from drake_gait.search.grounds import end_of_variation, on_ground
 from drake_gait.search.seeding import Purpose, generator
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
 from drake_gait.study.store import Study
 from drake_gait.surrogates.ensemble import Surrogate
+from drake_gait.walk import Walk
 
 Evaluate = Callable[[Sequence[Trial]], Iterable[Finished]]
 """Starts to simulate trials, and yields them as they finish, in any order."""
@@ -94,9 +97,22 @@ class Runner:
     def finish(self) -> None:
         """Wait for the walks that are under way, and keep each as it finishes."""
         planned, walking = self._under_way
+        waiting = set(range(len(planned)))
         for finished in walking:
+            if finished.index not in waiting:
+                raise WorkerError(
+                    f"the executor yields the walk {finished.index!r} of {len(planned)} trials, "
+                    "which is none, or was yielded before"
+                )
+            waiting.remove(finished.index)
+            _check(finished)
             self._keep(planned[finished.index], finished)
         self._under_way = (), iter(())
+        if waiting:
+            raise WorkerError(
+                f"the executor ends without the walk {min(waiting)} of {len(planned)} trials; it "
+                "must yield every one, as diverged where it cannot be simulated"
+            )
 
     def begin(self, plan: Planned) -> Callable[[], StudyWalk]:
         """Start one walk beside others that are under way; return what waits for it.
@@ -156,6 +172,20 @@ class Runner:
             self._failures[failure] += 1
         if assessment.feasible and walk.is_nominal:
             self._best = min(self._best, (assessment.objective, walk.id))
+
+
+def _check(finished: Finished) -> None:
+    """Refuse what a user's executor may yield and no study can keep."""
+    if not isinstance(finished.walk, Walk):
+        raise WorkerError(
+            f"the executor yields {finished.walk!r} for trial {finished.index}; it must be a Walk"
+        )
+    seconds = finished.seconds
+    if not (isinstance(seconds, int | float) and math.isfinite(seconds)):
+        raise WorkerError(
+            f"the executor yields {seconds!r} seconds for trial {finished.index}; it must be a "
+            "finite number"
+        )
 
 
 def perturbed(trial: Trial, settings: StudySettings, nominal: int, variation: int) -> Trial:

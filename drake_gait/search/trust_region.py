@@ -9,11 +9,11 @@ from scipy.spatial.distance import cdist
 
 from drake_gait.gait import FloatArray
 from drake_gait.optimizers import isade
-from drake_gait.search import proposer
 from drake_gait.search.acquisition import Acquisition
 from drake_gait.search.grounds import end_of_proposal, grounded_inputs
 from drake_gait.search.learner import Learner, gain_to_beat
 from drake_gait.search.proposer import (
+    IsadeSettings,
     Proposal,
     design_of_experiments,
     latin_hypercube,
@@ -23,6 +23,7 @@ from drake_gait.study.ranking import Sample
 from drake_gait.study.settings import StudySettings
 from drake_gait.surrogates.ensemble import Network, Surrogate
 from drake_gait.surrogates.residual_gp import ErrorProcesses
+from drake_gait.surrogates.settings import NetworkSettings
 
 # The trust region: its first step in units of the box, that of a restart, generations without a
 # feasible candidate until then, points drawn for each that is simulated, how many standard
@@ -33,8 +34,10 @@ _MODELLED, _CAPPED = 200, 0.8
 """Samples, the latest, that tell the fitness to expect; its quantile above which all are alike."""
 _SAME = 1e-9
 """Distance, in units of the box, up to which two candidates are one."""
-_POPULATION, _GENERATIONS = 36, 30
-"""Of ISADE in the region: it begins with the region's draws, and workers wait for it."""
+_POPULATION = 36
+"""Of ISADE in the region: it begins with the region's draws."""
+IN_REGION = IsadeSettings(iterations=30)
+"""When ISADE stops in the region: workers wait for it."""
 
 
 class TrustRegion:
@@ -47,17 +50,27 @@ class TrustRegion:
     finds in it.
 
     Args:
-        settings: The study.
+        settings: The study's: its box, limits, objective, seed, samples and batch.
+        isade: When ISADE stops in the region; its population is the region's draws.
+        network: Size of the networks, and how long they learn.
         tells_all: Tell the region all that it drew, with what is to be expected of it.
         isade_points: Points of a batch that ISADE finds.
     """
 
     def __init__(
-        self, settings: StudySettings, *, tells_all: bool = False, isade_points: int = 1
+        self,
+        settings: StudySettings,
+        *,
+        isade: IsadeSettings = IN_REGION,
+        network: NetworkSettings | None = None,
+        tells_all: bool = False,
+        isade_points: int = 1,
     ) -> None:
         self._settings, self._tells_all, self._isade_points = settings, tells_all, isade_points
+        self._isade, self._network = isade, network or NetworkSettings()
+        self.name = f"TrustRegion({self._isade}, {self._network}, {tells_all}, {isade_points})"
         self.samples, self.batch = settings.search.samples, settings.search.batch
-        self._learner = Learner(settings, self.samples, self.batch)
+        self._learner = Learner(settings, self.samples, self.batch, self._network)
         self._region: CMA | None = None
         self._draws: FloatArray = np.empty((0, settings.space.dimension))
         self._started = 1
@@ -197,7 +210,8 @@ class TrustRegion:
                 seed=seed_of(settings.seed, Purpose.PROPOSAL, iteration, index),
                 max_evaluations=10**9,
                 population_size=_POPULATION,
-                max_iterations=min(_GENERATIONS, proposer.ISADE_ITERATIONS),
+                max_iterations=self._isade.iterations,
+                stagnation=self._isade.stagnation,
                 initial=np.clip(draws, around[:, 0], around[:, 1])[:_POPULATION],
             )
             trials.append(found.x)

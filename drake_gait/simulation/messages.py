@@ -6,6 +6,8 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from pydrake.systems.framework import Context, Diagram
+
 from drake_gait.robot.description import RobotModel
 from drake_gait.robot.sdf_checks import checked
 
@@ -24,20 +26,18 @@ _IGNORED = (
 """How Drake and its parser speak of an element that is not theirs."""
 
 
-logging.getLogger("drake").addFilter(
-    lambda record: not any(words in record.getMessage() for words in _IRRELEVANT)
-)
-
-
 @contextmanager
 def drake_messages() -> Iterator[list[str]]:
     """Inside, what Drake would print in this thread is collected instead."""
     thread, messages = threading.get_ident(), list[str]()
 
     def collect(record: logging.LogRecord) -> bool:
+        text = record.getMessage()
+        if any(words in text for words in _IRRELEVANT):  # Drake may say it in a thread of its own.
+            return False
         if record.thread != thread or record.levelno < logging.WARNING:
             return True
-        messages.append(record.getMessage().strip().splitlines()[0])
+        messages.append(text.strip().splitlines()[0])
         return False
 
     log = logging.getLogger("drake")
@@ -46,6 +46,12 @@ def drake_messages() -> Iterator[list[str]]:
         yield messages
     finally:
         log.removeFilter(collect)
+
+
+def default_context(diagram: Diagram) -> Context:
+    """Return the default context of a diagram, without what Drake says of deformable bodies."""
+    with drake_messages():
+        return diagram.CreateDefaultContext()
 
 
 def without_folders(text: str) -> str:

@@ -17,6 +17,7 @@ from pydrake.systems.framework import Context, EventStatus
 from drake_gait.gait import CYCLE_TIME, FRAME_TIME, JOINTS, WALKING, FloatArray
 from drake_gait.robot.sdf import ANKLES, BASE, FOOT_LINKS, SIDES, TOE_HINGES
 from drake_gait.simulation.contact import ground_of
+from drake_gait.simulation.messages import default_context
 from drake_gait.simulation.plant import Robot, sole_corners
 from drake_gait.walk import History, Measures
 
@@ -51,7 +52,7 @@ class Observer:
         plant = robot.plant
         # A copy to read from: the caches of the simulated context lag behind its state by up to a
         # step of CENIC's, and reading must not change what is simulated.
-        self._context = robot.diagram.CreateDefaultContext()
+        self._context = default_context(robot.diagram)
         self._plant_context = plant.GetMyMutableContextFromRoot(self._context)
         robot.gait.set_commands(robot.gait.GetMyMutableContextFromRoot(self._context), commands)
         self._torso = plant.GetBodyByName(BASE)

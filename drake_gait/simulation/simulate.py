@@ -17,11 +17,11 @@ from pydrake.systems.primitives import VectorLogSink
 from drake_gait.errors import ModelError
 from drake_gait.foot import FootDesign
 from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray, joint_commands
-from drake_gait.problem.problem import Candidate, Trial
+from drake_gait.problem import Candidate, Trial
 from drake_gait.robot.description import RobotModel, read_model
 from drake_gait.robot.sdf import BASE
 from drake_gait.servo import Servo
-from drake_gait.simulation.messages import drake_messages
+from drake_gait.simulation.messages import default_context, drake_messages
 from drake_gait.simulation.observer import Observer
 from drake_gait.simulation.plant import Robot, build_robot
 from drake_gait.simulation.stance import check_placed, check_toes
@@ -170,7 +170,7 @@ def prepare(
     robot = _robot(
         model, body, settings.servo, *ground, time_step, friction, logged, changed.voltage
     )
-    context = robot.diagram.CreateDefaultContext()
+    context = default_context(robot.diagram)
     plant_context = robot.plant.GetMyMutableContextFromRoot(context)
     robot.set_foot(plant_context, foot)
     standing = _standing(model, settings.servo, *ground, rigid_toes=foot.rigid_toes)
@@ -215,7 +215,7 @@ def _standing(
     """
     foot = FootDesign(rigid_toes=rigid_toes)
     robot = _robot(model, foot, servo, sole, contact)
-    context = robot.diagram.CreateDefaultContext()
+    context = default_context(robot.diagram)
     plant_context = robot.plant.GetMyMutableContextFromRoot(context)
     robot.set_foot(plant_context, foot)
     check_placed(robot, plant_context, model)

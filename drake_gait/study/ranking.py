@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drake_gait.problem.problem import Assessment, Candidate, Constraints, Objective, assess
+from drake_gait.problem import Assessment, Candidate, Constraints, Objective, assess
 from drake_gait.study.records import StudyWalk
 from drake_gait.walk import Outcome
 

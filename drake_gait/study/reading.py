@@ -16,7 +16,7 @@ from drake_gait.files.shipped import shipped_folder
 from drake_gait.files.text import read_text
 from drake_gait.foot import FootDesign
 from drake_gait.gait import Start
-from drake_gait.problem.problem import (
+from drake_gait.problem import (
     Constraints,
     DesignSpace,
 )

@@ -11,7 +11,7 @@ import numpy as np
 from drake_gait.errors import GaitError, StudyError
 from drake_gait.foot import FootDesign
 from drake_gait.gait import Gait
-from drake_gait.problem.problem import COEFFICIENTS, Candidate
+from drake_gait.problem import COEFFICIENTS, Candidate
 from drake_gait.walk import Measures, Outcome, Walk
 
 CONFIRMATIONS = 1_000_000

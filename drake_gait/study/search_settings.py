@@ -6,7 +6,7 @@ from enum import StrEnum
 from typing import Any, TypeVar
 
 from drake_gait.errors import SettingsError
-from drake_gait.problem.problem import Objective
+from drake_gait.problem import Objective
 from drake_gait.ranges import Range, Unit, check
 
 

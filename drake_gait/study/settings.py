@@ -10,7 +10,7 @@ import numpy as np
 from drake_gait.errors import SettingsError
 from drake_gait.foot import FootDesign
 from drake_gait.gait import Start
-from drake_gait.problem.problem import (
+from drake_gait.problem import (
     OF_EVERY_WALK,
     Assessment,
     Constraints,

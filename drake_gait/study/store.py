@@ -47,6 +47,9 @@ _OLDEST = 2
 _SINCE_OLDEST = frozenset({"peak_ground_reaction"})
 """Columns that a study of an older schema may lack."""
 
+PROPOSER = "proposer"
+"""Key of a study under which the name of a proposer is that was handed over."""
+
 _WORDS = {"study.question", "box.chosen", "walk.model"}
 """Settings that change no walk: a study goes on when somebody mends their wording.
 
@@ -67,6 +70,7 @@ _VALUES: dict[str, tuple[str, tuple[type, ...]]] = {
     "model_sha256": ("text", (str,)),
     "versions": ("table", (dict,)),
     "wall_s": ("number", (int, float)),
+    PROPOSER: ("text", (str,)),
     "worker_deaths": ("table", (dict,)),
 }
 """Kinds of the values that the table `study` has, or may have."""

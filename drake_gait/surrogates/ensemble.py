@@ -18,18 +18,12 @@ from drake_gait.arrays import numbers
 from drake_gait.errors import SettingsError
 from drake_gait.gait import FloatArray
 from drake_gait.surrogates.arithmetic import learning, single_thread
+from drake_gait.surrogates.settings import PAPER_NETWORK, NetworkSettings
 
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 
 _MEMBERS = 8
-_HIDDEN_UNITS = 32
-_EPOCHS = 250
-_LEARNING_RATE = 0.03
-_WEIGHT_DECAY = 1.0
-
-_PAPER_UNITS = 20
-_PAPER_EPOCHS = 500
 
 FEWEST_SURVIVORS = 2 * _MEMBERS
 """Walks that must have survived before a network can be fitted."""
@@ -63,10 +57,13 @@ class _Ensemble:
         inputs: int,
         outputs: int,
         generator: torch.Generator,
+        settings: NetworkSettings,
         *,
         members: int = _MEMBERS,
-        units: int = _HIDDEN_UNITS,
     ) -> None:
+        units = settings.units
+        self._settings = settings
+
         def weights(rows: int, columns: int) -> torch.Tensor:
             drawn: torch.Tensor = torch.randn(
                 members,
@@ -93,24 +90,19 @@ class _Ensemble:
         return result
 
     def train(
-        self,
-        loss_of_outputs: Callable[[torch.Tensor], torch.Tensor],
-        x: torch.Tensor,
-        *,
-        epochs: int | None = None,
-        weight_decay: float = _WEIGHT_DECAY,
+        self, loss_of_outputs: Callable[[torch.Tensor], torch.Tensor], x: torch.Tensor
     ) -> None:
         """Back-propagation, all members at once."""
-        epochs = epochs or _EPOCHS
+        settings = self._settings
         optimiser = torch.optim.AdamW(
             [
-                {"params": [self.hidden, self.output], "weight_decay": weight_decay},
+                {"params": [self.hidden, self.output], "weight_decay": settings.weight_decay},
                 {"params": [self.hidden_bias, self.output_bias], "weight_decay": 0.0},
             ],
-            lr=_LEARNING_RATE,
+            lr=settings.learning_rate,
         )
-        schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, epochs)
-        for _ in range(epochs):
+        schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, settings.epochs)
+        for _ in range(settings.epochs):
             optimiser.zero_grad()
             loss_of_outputs(self(x)).backward()  # type: ignore[no-untyped-call]
             optimiser.step()
@@ -211,7 +203,14 @@ def learnable(outputs: FloatArray, survived: BoolArray) -> BoolArray:
     return found
 
 
-def fit(x: ArrayLike, outputs: ArrayLike, survived: ArrayLike, *, seed: int = 0) -> Surrogate:
+def fit(
+    x: ArrayLike,
+    outputs: ArrayLike,
+    survived: ArrayLike,
+    *,
+    seed: int = 0,
+    settings: NetworkSettings | None = None,
+) -> Surrogate:
     """Train the network.
 
     The same walks and seed give the same network on the same machine, in any thread, whatever
@@ -223,6 +222,7 @@ def fit(x: ArrayLike, outputs: ArrayLike, survived: ArrayLike, *, seed: int = 0)
             finite, are not used.
         survived: Whether each walk survived, shape (n,).
         seed: Fixes initial weights and folds.
+        settings: Size of the network, and how long it learns.
 
     Raises:
         SettingsError: fewer walks can be learnt than a network can be fitted to, or a shape or a
@@ -239,23 +239,28 @@ def fit(x: ArrayLike, outputs: ArrayLike, survived: ArrayLike, *, seed: int = 0)
             "draw more samples, or move the box to gaits that walk"
         )
     with learning():
-        return _fitted(x, outputs, survived, learnt, seed)
+        return _fitted(x, outputs, survived, learnt, seed, settings or NetworkSettings())
 
 
 def _fitted(
-    x: FloatArray, outputs: FloatArray, survived: BoolArray, learnt: BoolArray, seed: int
+    x: FloatArray,
+    outputs: FloatArray,
+    survived: BoolArray,
+    learnt: BoolArray,
+    seed: int,
+    settings: NetworkSettings,
 ) -> Surrogate:
     generator = torch.Generator(device="cpu").manual_seed(_seed_for_torch(seed))
     targets, count = outputs[learnt], int(learnt.sum())
     scaling = (targets.mean(axis=0), np.maximum(targets.std(axis=0), 1e-12))
     x_learnt = torch.from_numpy(x[learnt])
     folds = folds_of(count, seed)
-    regressor = _Ensemble(x.shape[1], outputs.shape[1], generator)
+    regressor = _Ensemble(x.shape[1], outputs.shape[1], generator, settings)
     regressor.train(_Loss((targets - scaling[0]) / scaling[1], folds, logistic=False), x_learnt)
 
     classifier, survival_heldout = None, np.ones(len(x))
     if not survived.all():
-        classifier = _Ensemble(x.shape[1], 1, generator)
+        classifier = _Ensemble(x.shape[1], 1, generator, settings)
         labels, leaves_out = survived[:, None].astype(float), folds_of(len(x), seed)
         classifier.train(_Loss(labels, leaves_out, logistic=True), torch.from_numpy(x))
         with torch.no_grad():
@@ -290,13 +295,20 @@ class SingleNetwork:
         return Prediction(mean=mean, deviation=np.zeros_like(mean), survival=np.ones(len(points)))
 
 
-def fit_single(x: ArrayLike, targets: ArrayLike, *, seed: int = 0) -> SingleNetwork:
+def fit_single(
+    x: ArrayLike,
+    targets: ArrayLike,
+    *,
+    seed: int = 0,
+    settings: NetworkSettings = PAPER_NETWORK,
+) -> SingleNetwork:
     """Train the paper's network of 16 - 20 - k units on all walks, with nothing held out.
 
     Args:
         x: Design vectors, shape (n, d).
         targets: What was simulated, shape (n, k).
         seed: Fixes initial weights.
+        settings: Size of the network, and how long it learns; the paper's by default.
 
     Raises:
         SettingsError: a shape or a number cannot be used.
@@ -314,8 +326,8 @@ def fit_single(x: ArrayLike, targets: ArrayLike, *, seed: int = 0) -> SingleNetw
 
     with learning():
         generator = torch.Generator(device="cpu").manual_seed(_seed_for_torch(seed))
-        network = _Ensemble(x.shape[1], targets.shape[1], generator, members=1, units=_PAPER_UNITS)
-        network.train(loss, torch.from_numpy(x), epochs=_PAPER_EPOCHS, weight_decay=0.0)
+        network = _Ensemble(x.shape[1], targets.shape[1], generator, settings, members=1)
+        network.train(loss, torch.from_numpy(x))
     return SingleNetwork(network, scaling)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.stats import sobol_indices, uniform
 
 from drake_gait.gait import FloatArray
-from drake_gait.problem.problem import DesignSpace
+from drake_gait.problem import DesignSpace
 
 _POINTS = 512  # a power of two; the network is asked at (d + 2) times as many
 

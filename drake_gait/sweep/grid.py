@@ -20,7 +20,7 @@ from drake_gait.files.destination import make_folder, write
 from drake_gait.files.strict_json import from_json, plain, to_json
 from drake_gait.gait import FloatArray, Gait
 from drake_gait.optimization import STARTING_TIME
-from drake_gait.problem.problem import Candidate, Trial
+from drake_gait.problem import Candidate, Trial
 from drake_gait.robot.description import RobotModel, read_model
 from drake_gait.search.seeding import Purpose, generator
 from drake_gait.simulation.simulate import try_out, walk_trial

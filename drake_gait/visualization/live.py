@@ -10,6 +10,7 @@ from drake_gait.foot import FootDesign
 from drake_gait.gait import FRAME_TIME, FloatArray
 from drake_gait.robot.description import Model
 from drake_gait.servo import Servo
+from drake_gait.simulation.messages import default_context
 from drake_gait.simulation.plant import add_robot
 from drake_gait.visualization.meshcat import (
     ROBOT_HEIGHT,
@@ -34,7 +35,7 @@ class Screen:
         parameters = MeshcatVisualizerParams(prefix="robot", publish_period=FRAME_TIME)
         MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, parameters)
         self._diagram = draws(builder.Build())
-        self._context = self._diagram.CreateDefaultContext()
+        self._context = default_context(self._diagram)
         self._begun: float | None = None
         set_lights(meshcat)
         draw_ground(meshcat, *_GROUND)

@@ -30,9 +30,10 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_gait.errors import GaitError, SettingsError
 from drake_gait.gait import FRAME_TIME, FloatArray
-from drake_gait.problem.problem import Candidate
+from drake_gait.problem import Candidate
 from drake_gait.robot.description import Model
 from drake_gait.servo import Servo
+from drake_gait.simulation.messages import default_context
 from drake_gait.simulation.plant import add_robot
 from drake_gait.walk import History
 
@@ -192,7 +193,7 @@ def animate_robot(
         MeshcatVisualizerParams(prefix=f"{prefix}robot", publish_period=FRAME_TIME),
     )
     diagram = draws(builder.Build())
-    context = diagram.CreateDefaultContext()
+    context = default_context(diagram)
     plant_context = plant.GetMyMutableContextFromRoot(context)
     for frame, positions in enumerate(history.positions):
         context.SetTime(instant(frame))

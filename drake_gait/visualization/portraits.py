@@ -24,7 +24,7 @@ from scipy.spatial import ConvexHull, QhullError
 from drake_gait.errors import ModelError, SettingsError
 from drake_gait.foot import FootDesign
 from drake_gait.gait import FloatArray
-from drake_gait.problem.problem import Candidate
+from drake_gait.problem import Candidate
 from drake_gait.robot.description import Model
 from drake_gait.servo import Servo
 from drake_gait.simulation.messages import drake_messages, without_folders

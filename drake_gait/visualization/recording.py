@@ -19,7 +19,7 @@ from pydrake.math import RigidTransform
 from drake_gait.errors import SettingsError
 from drake_gait.files.destination import write
 from drake_gait.gait import FRAME_TIME
-from drake_gait.problem.problem import Candidate
+from drake_gait.problem import Candidate
 from drake_gait.robot.description import Model
 from drake_gait.visualization.meshcat import (
     FORCE_SCALE,
@@ -55,7 +55,7 @@ class Exhibit:
 def record(
     walk: Walk,
     candidate: Candidate,
-    path: Path,
+    path: str | Path,
     *,
     model: Model = DEFAULT_MODEL,
     caption: str = "",
@@ -82,10 +82,10 @@ def record(
         place_camera(meshcat, [*lower, 0.0], [*upper, ROBOT_HEIGHT])
         return _page(meshcat, caption or "A walk", [])
 
-    _write(with_meshcat(draw), path)
+    _write(with_meshcat(draw), Path(path))
 
 
-def record_gallery(exhibits: Sequence[Exhibit], path: Path, *, caption: str = "") -> None:
+def record_gallery(exhibits: Sequence[Exhibit], path: str | Path, *, caption: str = "") -> None:
     """Write several walks as one page, side by side and at the same time.
 
     The first one is the nearest; all start at one line.
@@ -106,7 +106,7 @@ def record_gallery(exhibits: Sequence[Exhibit], path: Path, *, caption: str = ""
     def draw(meshcat: Meshcat) -> str:
         return _gallery(meshcat, exhibits, histories, caption or "Walks side by side")
 
-    _write(with_meshcat(draw), path)
+    _write(with_meshcat(draw), Path(path))
 
 
 def _gallery(

@@ -98,7 +98,7 @@ def new_figure(width: float, height: float) -> Figure:
     return figure
 
 
-def save_figure(figure: Figure, path: Path) -> None:
+def save_figure(figure: Figure, path: str | Path) -> None:
     """Write a figure in the format of the path's ending, or, where it has none, in FORMATS.
 
     The same data give the same file.
@@ -107,6 +107,7 @@ def save_figure(figure: Figure, path: Path) -> None:
         SettingsError: no figure can be written in this format.
         GaitError: the file cannot be written.
     """
+    path = Path(path)
     figure.dpi = PNG_RESOLUTION
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # Each format would lay the same figure out anew.

@@ -42,7 +42,7 @@ _NATURAL_CYCLE = (CYCLE_TIME, 2.0 * CYCLE_TIME)  # 'the most natural' of the thr
 _GAIT_FUNCTION = (0.3, 3.3)  # when the gait function is in command (Eqs. 3-9) [s]
 
 
-def waveforms(history: History, path: Path) -> None:
+def waveforms(history: History, path: str | Path) -> None:
     """Fig. 13: roll, hip, knee and ankle of both legs in the second cycle, command and measured.
 
     Behind them a human's right leg, whose initial contact is at 1.2 s as in Fig. 12.
@@ -83,7 +83,7 @@ def waveforms(history: History, path: Path) -> None:
         save_figure(figure, path)
 
 
-def paths(history: History, path: Path) -> None:
+def paths(history: History, path: str | Path) -> None:
     """Fig. 11: centre of mass and both ankles from above, from the start of the centre of mass.
 
     With the sinusoid of one stride that is nearest to the sway of the centre of mass.
@@ -204,7 +204,7 @@ def posture_frames(history: History) -> list[int]:
     return [min(round(instant / FRAME_TIME), last) for instant, _ in GAIT_PHASES]
 
 
-def ground_reaction(history: History, path: Path) -> None:
+def ground_reaction(history: History, path: str | Path) -> None:
     """Vertical force on each foot, and when each foot, or both, stands on the ground."""
     vertical = history.ground_reaction[:, :, 2]
     stands = vertical > CONTACT_FORCE

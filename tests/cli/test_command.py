@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+import drake_gait
 from drake_gait import __main__ as front_door
 from drake_gait.cli import _command as command
 from drake_gait.cli._command import LastingStream, conduct
@@ -194,7 +195,8 @@ def test_the_front_door_lists_all_commands_with_what_they_do(capsys):
 
 def commands_of_the_package():
     modules = Path(command.__file__).parent.glob("*.py")
-    return [path.stem for path in modules if "def main(" in path.read_text(encoding="utf-8")]
+    texts = {path.stem: path.read_text(encoding="utf-8") for path in modules}
+    return [name for name, text in texts.items() if "\ndef main(" in text]
 
 
 @pytest.mark.parametrize("name", ["optimise", "Studies", "--json", ""])
@@ -213,9 +215,15 @@ def run(*arguments, **options):
     )  # fmt: skip
 
 
-def test_a_command_runs_by_the_front_door_as_by_its_own(tmp_path):
-    ours = run("drake_gait", "optimize", tmp_path / "none.toml")
-    theirs = run("drake_gait.optimize", tmp_path / "none.toml")
+def test_a_command_runs_as_a_module_and_as_a_program_alike(tmp_path):
+    ours = run("drake_gait", "studies", "show", tmp_path)
+    program = "from drake_gait.__main__ import script; script()"
+    theirs = subprocess.run(
+        [sys.executable, "-c", program, "studies", "show", str(tmp_path)],
+        check=False,
+        capture_output=True,
+        text=True,
+    )
     assert ours.returncode == theirs.returncode == 2
     assert ours.stderr == theirs.stderr != ""
     assert "--json" in run("drake_gait", "studies", "list", "--help").stdout
@@ -247,3 +255,31 @@ def test_a_help_names_what_an_option_takes(name, capsys):
     if name == "optimize":
         for option in ("--samples N", "--simulations N", "--seed N", "--workers N", "--out DIR"):
             assert option in shown
+
+
+HEAVY = {"torch", "matplotlib", "pydrake", "scipy", "sklearn", "cmaes", "distributed"}
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["--version"], ["--help"], ["optimise"], *([name, "--help"] for name in front_door.COMMANDS),
+     *([name, "--no-such-option"] for name in front_door.COMMANDS), ["optimize", "no-such.toml"],
+     ["optimize", "--seed", "-1"], ["sweep", "x.toml", "--workers", "0"]],
+    ids=" ".join,
+)  # fmt: skip
+def test_help_and_usage_errors_wait_for_no_heavy_library(words):
+    code = f"""
+import sys
+from drake_gait.__main__ import main
+try:
+    main({words!r})
+except SystemExit:
+    pass
+print(sorted({HEAVY!r} & set(sys.modules)), file=sys.stderr)
+"""
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ended.stderr.splitlines()[-1] == "[]"
+
+
+def test_the_version_is_told_by_the_module_and_by_the_package():
+    assert run("drake_gait", "--version").stdout == f"drake_gait {drake_gait.__version__}\n"

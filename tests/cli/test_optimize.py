@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from drake_gait.cli import optimize
+from drake_gait.cli import _optimize
 from drake_gait.cli.optimize import main, parse
 from drake_gait.study.reading import default_study
 from drake_gait.study.records import CONFIRMATIONS
@@ -194,11 +194,11 @@ def test_ctrl_c_at_any_moment_is_one_line_and_status_130(capsys, monkeypatch, tm
     def interrupt(*arguments, **options):
         raise KeyboardInterrupt
 
-    for name in ("open_study", "run_study", "_write_results"):
+    for name in ("open_study", "search_study", "_write_results"):
         with monkeypatch.context() as patch:
             if name == "_write_results":
-                patch.setattr(optimize, "run_study", lambda *arguments, **options: None)
-            patch.setattr(optimize, name, interrupt)
+                patch.setattr(_optimize, "search_study", lambda *arguments, **options: None)
+            patch.setattr(_optimize, name, interrupt)
             assert main([*TINY, "--workers", "1", "--out", str(tmp_path)]) == 130
         captured = capsys.readouterr()
         assert "the same command goes on" in captured.out
@@ -415,6 +415,6 @@ def test_a_second_command_on_a_running_study_is_refused(tmp_path, capsys):
 def test_the_default_folder_is_named_after_the_study(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     folders = []
-    monkeypatch.setattr(optimize, "_run", lambda settings, folder, *rest: folders.append(folder))
+    monkeypatch.setattr(_optimize, "work", lambda settings, folder, *rest: folders.append(folder))
     assert main([]) == 0
     assert folders == [Path("runs") / "steady"]

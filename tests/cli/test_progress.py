@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from drake_gait.cli.progress import Pace, display
-from drake_gait.execution.local import Finished
+from drake_gait.execution.base import Finished
 from drake_gait.search.loop import search
 from drake_gait.search.runner import Progress
 from drake_gait.study.search_settings import SearchSettings

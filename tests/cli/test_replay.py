@@ -7,7 +7,7 @@ import sys
 import pytest
 from browser import in_a_browser, opened
 
-from drake_gait.cli import replay
+from drake_gait.cli import _replay as replay
 from drake_gait.cli.replay import main
 from drake_gait.report.result import in_words
 from drake_gait.robot.description import read_model

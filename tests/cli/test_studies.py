@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from drake_gait.cli.studies import main
-from drake_gait.problem.problem import Objective
+from drake_gait.problem import Objective
 from drake_gait.study.ranking import feasible_walks
 from drake_gait.study.records import CONFIRMATIONS
 from drake_gait.study.store import Study

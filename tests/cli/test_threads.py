@@ -9,7 +9,7 @@ import pytest
 from conftest import DESCRIPTION
 
 from drake_gait.cli import optimize
-from drake_gait.optimization import open_study, run_study
+from drake_gait.optimization import open_study, search_study, workers_of
 from drake_gait.study.search_settings import ConfirmationSettings, SearchSettings
 from drake_gait.study.store import Study
 
@@ -39,8 +39,11 @@ def test_a_study_opened_in_the_main_thread_is_searched_in_another(study, tmp_pat
     before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
     numbers = []
     for name, runs in (("here", lambda function, *a: function(*a)), ("there", in_a_thread)):
-        with open_study(settings, tmp_path / name) as opened:
-            runs(run_study, settings, opened, 1, lambda progress: None)
+        with (
+            open_study(settings, tmp_path / name) as opened,
+            workers_of(settings, opened, 1) as executor,
+        ):
+            runs(search_study, settings, opened, executor, lambda progress: None)
             numbers.append([dataclasses.astuple(walk.walk) for walk in opened.walks()])
     assert numbers[0] == numbers[1]
     assert len(numbers[0]) == 24
@@ -48,7 +51,6 @@ def test_a_study_opened_in_the_main_thread_is_searched_in_another(study, tmp_pat
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("quick")
 def test_the_command_runs_in_threads_of_a_running_loop(paper_study, tmp_path, capsys):
     def command(name):
         options = ["--samples", "20", "--simulations", "20", "--workers", "1"]

@@ -27,8 +27,8 @@ from strides import (
 
 from drake_gait.errors import GaitError, ModelError, SettingsError, WorkerError
 from drake_gait.execution import dask as cluster
+from drake_gait.execution.base import Serial
 from drake_gait.execution.dask import DaskCluster, identity, walk_on_worker
-from drake_gait.execution.local import Serial
 from drake_gait.walk import Outcome
 
 pytest.importorskip("distributed")

@@ -35,7 +35,8 @@ from strides import (
 
 from drake_gait.errors import ModelError, SettingsError, WorkerError
 from drake_gait.execution import worker_process
-from drake_gait.execution.local import LocalProcesses, Serial
+from drake_gait.execution.base import Serial
+from drake_gait.execution.local import LocalProcesses
 from drake_gait.walk import Outcome
 
 

@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 from drake_gait.errors import SettingsError
 from drake_gait.foot import DESIGN_LIMITS, FootDesign
 from drake_gait.gait import ANGLE_LIMITS, STANDING
-from drake_gait.problem.problem import (
+from drake_gait.problem import (
     COEFFICIENTS,
     OUTPUTS,
     Candidate,

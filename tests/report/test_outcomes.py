@@ -7,15 +7,16 @@ import re
 import numpy as np
 import pytest
 
-from drake_gait.cli import sweep as sweep_command
-from drake_gait.cli.optimize import _write_results
+from drake_gait.cli import _sweep as sweep_command
+from drake_gait.cli._optimize import _write_results
 from drake_gait.cli.report import main as report
 from drake_gait.files.strict_json import plain, to_json
-from drake_gait.problem.problem import Candidate
+from drake_gait.problem import Candidate
 from drake_gait.report import build as outputs
 from drake_gait.report.build import write_outputs
-from drake_gait.report.page import Run, read_result, write_comparison_page
+from drake_gait.report.page import Run, write_comparison_page
 from drake_gait.report.result import in_words, manner_in_words, robust_table, summary, verdict
+from drake_gait.report.study_result import read_result
 from drake_gait.robot.description import read_model
 from drake_gait.study.records import CONFIRMATION, CONFIRMATIONS
 from drake_gait.study.store import Study

@@ -26,11 +26,11 @@ from drake_gait.errors import GaitError, StudyError
 from drake_gait.report.page import (
     Run,
     command,
-    read_result,
     write_comparison_page,
     write_study_page,
 )
 from drake_gait.report.result import summary
+from drake_gait.report.study_result import read_result
 from drake_gait.study.toml import write_study_toml
 
 

@@ -3,7 +3,7 @@ import dataclasses
 import pytest
 
 from drake_gait.foot import FootDesign
-from drake_gait.problem.problem import Constraints
+from drake_gait.problem import Constraints
 from drake_gait.report import tables as report_tables
 from drake_gait.report.tables import number
 from drake_gait.study.search_settings import Mode

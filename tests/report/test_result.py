@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from drake_gait.problem.problem import Constraints
+from drake_gait.problem import Constraints
 from drake_gait.report.result import (
     PAPER_TABLE,
     baselines_line,

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from drake_gait.problem.problem import OUTPUTS, Constraints
+from drake_gait.problem import OUTPUTS, Constraints
 from drake_gait.search.acquisition import Acquisition, chance_to_hold, expected_improvement
 from drake_gait.search.grounds import Grounded, together
 from drake_gait.study.search_settings import Risk

@@ -9,8 +9,8 @@ import pytest
 from conftest import Interruption, numbers, run, walk_at
 from robust_problem import LIMIT, Grounds
 
-from drake_gait.execution.local import Finished
-from drake_gait.problem.problem import Trial
+from drake_gait.execution.base import Finished
+from drake_gait.problem import Trial
 from drake_gait.search.confirmation import confirm, other_servo, walked_as
 from drake_gait.search.grounds import BETWEEN, end_of, end_of_proposal, on_ground
 from drake_gait.search.runner import Runner, perturbed

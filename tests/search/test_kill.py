@@ -16,14 +16,11 @@ KILLER = """
 import json, os, pickle, signal, sys, time
 from pathlib import Path
 
-import numpy as np
-import pytest
-from conftest import Ground, run, shorten_trainings
+from conftest import Ground, run
 from drake_gait.study.store import Study
 
 folder = Path(sys.argv[1])
 settings = pickle.loads((folder / "settings").read_bytes())
-shorten_trainings(pytest.MonkeyPatch())
 
 
 class Noted(Ground):

@@ -4,19 +4,21 @@ import dataclasses
 
 import numpy as np
 import pytest
-from conftest import planned, run, walk_at
+from conftest import planned, quick_proposer, run, walk_at
 
 from drake_gait.gait import FRAMES
-from drake_gait.problem.problem import OUTPUTS, Constraints, Objective
+from drake_gait.problem import OUTPUTS, Constraints, Objective
 from drake_gait.search.grounds import Grounded
 from drake_gait.search.learner import WINDOW, grounded_data
 from drake_gait.search.modes import proposer
+from drake_gait.search.paper import PaperProcedure
 from drake_gait.search.proposer import design_of_experiments, training_data
 from drake_gait.study.ranking import sample
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.search_settings import Mode
 from drake_gait.surrogates import ensemble as surrogate
 from drake_gait.surrogates.residual_gp import KrigedNetwork
+from drake_gait.surrogates.settings import PAPER_NETWORK
 from drake_gait.walk import Walk
 
 
@@ -84,7 +86,7 @@ def samples_at(x, settings, walk=walk_at, *, first=0):
     ("mode", "learnt_from"), [(Mode.DEFAULT, [20, 25, 30]), (Mode.PAPER, [20, 21, 22, 23])]
 )
 def test_a_network_knows_all_walks_but_those_that_are_under_way_while_it_learns(
-    quick, study, tmp_path, monkeypatch, mode, learnt_from
+    study, tmp_path, monkeypatch, mode, learnt_from
 ):
     name = "fit" if mode is Mode.DEFAULT else "fit_single"
     fit, found = getattr(surrogate, name), []
@@ -160,14 +162,14 @@ def proposals(settings, known, iterations):
     return found.x
 
 
-def test_proposals_of_a_batch_keep_apart(quick, study):
+def test_proposals_of_a_batch_keep_apart(study):
     known = samples_at(design_of_experiments(study), study)
     x = proposals(study, known, 1)
     assert (x == proposals(study, known, 1)).all()
     assert nearest(x) > 0.1
 
 
-def test_the_first_region_lies_around_the_better_samples(quick, study):
+def test_the_first_region_lies_around_the_better_samples(study):
     x = design_of_experiments(study)
 
     def uphill(point):
@@ -179,7 +181,7 @@ def test_the_first_region_lies_around_the_better_samples(quick, study):
     assert np.sqrt(((found - best) ** 2).mean(axis=1)).max() < 3 * 0.35
 
 
-def test_a_region_without_feasible_candidates_returns_to_the_best(quick, study):
+def test_a_region_without_feasible_candidates_returns_to_the_best(study):
     settings = planned(study, samples=20, simulations=60, batch=5)
     rng = np.random.default_rng(0)
     x = np.vstack([design_of_experiments(settings), rng.uniform(2.0, 3.0, (20, 16))])
@@ -208,11 +210,11 @@ def penalised(expected, limits):
     return -1000.0 * forward + 1000.0 * violation
 
 
-def test_the_paper_s_proposal_minimises_the_penalised_prediction_in_the_box(study, monkeypatch):
-    monkeypatch.setattr(surrogate, "_PAPER_EPOCHS", 60)
+def test_the_paper_s_proposal_minimises_the_penalised_prediction_in_the_box(study):
     settings = planned(study, mode=Mode.PAPER, samples=40, simulations=55)
     known = samples_at(design_of_experiments(settings), settings)
-    proposal = propose(proposer(settings), 1, known, 1)
+    procedure = PaperProcedure(settings, network=dataclasses.replace(PAPER_NETWORK, epochs=60))
+    proposal = propose(procedure, 1, known, 1)
     assert proposal.x.shape == (1, 16)
     assert (np.abs(proposal.x) <= 1.0).all()
 
@@ -226,7 +228,7 @@ def test_the_paper_s_proposal_minimises_the_penalised_prediction_in_the_box(stud
     assert found <= fitness(nearby).min() + 0.5  # Half a millimetre.
 
 
-def test_the_paper_s_network_learns_from_falls_and_all(quick, study):
+def test_the_paper_s_network_learns_from_falls_and_all(study):
     settings = planned(study, mode=Mode.PAPER, samples=40, simulations=55)
     x = design_of_experiments(settings)
     known = samples_at(x, settings)
@@ -238,24 +240,24 @@ def test_the_paper_s_network_learns_from_falls_and_all(quick, study):
 
     changed = samples_at(x, settings, other_fall)
     one, other = (
-        propose(proposer(settings), 1, samples, 1).network.predict(x).mean
+        propose(quick_proposer(settings), 1, samples, 1).network.predict(x).mean
         for samples in (known, changed)
     )
     assert one.shape == (40, 5)
     assert (one != other).all()
     # The default's network learns from survivors only what a walk is worth.
     one, other = (
-        propose(proposer(study), 1, samples, 1).network.predict(x).mean
+        propose(quick_proposer(study), 1, samples, 1).network.predict(x).mean
         for samples in (known, changed)
     )
     assert (one == other).all()
 
 
-def test_the_paper_s_procedure_bears_walks_that_could_not_be_simulated(quick, study):
+def test_the_paper_s_procedure_bears_walks_that_could_not_be_simulated(study):
     settings = planned(study, mode=Mode.PAPER, samples=40, simulations=55)
     x = design_of_experiments(settings)
     known = samples_at(x, settings, lambda x: Walk.diverged("made up") if x[0] > 0 else walk_at(x))
-    assert np.isfinite(propose(proposer(settings), 1, known, 1).x).all()
+    assert np.isfinite(propose(quick_proposer(settings), 1, known, 1).x).all()
 
 
 @pytest.mark.parametrize("mode", [Mode.ISADE, Mode.CMAES])
@@ -268,31 +270,31 @@ def test_an_optimiser_on_the_simulator_beats_as_many_samples(study, path, mode):
 
 
 @pytest.mark.parametrize("mode", Mode)
-def test_a_proposer_that_starts_anew_proposes_what_the_one_before_would_have(quick, study, mode):
+def test_a_proposer_that_starts_anew_proposes_what_the_one_before_would_have(study, mode):
     plan = {"mode": mode, "samples": 20, "simulations": 200, "batch": 5}
     settings = planned(study, **plan)
-    one, known = proposer(settings), []
+    one, known = quick_proposer(settings), []
     for iteration in range(4):
         count = one.batch if iteration else one.samples
         x = propose(one, iteration, known, count).x
         assert x.shape == (count, 16)
-        anew = propose(proposer(settings), iteration, known, count).x
+        anew = propose(quick_proposer(settings), iteration, known, count).x
         assert (anew == x).all()
         known = samples_at(
             np.vstack([*(settings.space.encode(s.candidate) for s in known), x]), settings
         )
 
 
-def test_fewer_walks_at_the_end_of_a_budget_are_the_first_of_a_batch(quick, study):
+def test_fewer_walks_at_the_end_of_a_budget_are_the_first_of_a_batch(study):
     for mode in (Mode.DEFAULT, Mode.ISADE, Mode.CMAES):
         settings = planned(study, mode=mode, samples=40, simulations=90, batch=5)
-        first = proposer(settings)
+        first = quick_proposer(settings)
         known = samples_at(propose(first, 0, [], first.samples).x, settings)
-        full = propose(proposer(settings), 1, known, first.batch).x
-        assert (propose(proposer(settings), 1, known, 3).x == full[:3]).all()
+        full = propose(quick_proposer(settings), 1, known, first.batch).x
+        assert (propose(quick_proposer(settings), 1, known, 3).x == full[:3]).all()
 
 
-def test_a_study_of_cost_learns_the_cost(quick, study, measures):
+def test_a_study_of_cost_learns_the_cost(study, measures):
     settings = planned(
         study, samples=40, simulations=55, batch=5, objective=Objective.COST_OF_TRANSPORT
     )
@@ -314,5 +316,5 @@ def test_a_study_of_cost_learns_the_cost(quick, study, measures):
         ]
     )
     assert (outputs[:, 5] == 0.009).all()
-    proposal = propose(proposer(settings), 1, known, 5)
+    proposal = propose(quick_proposer(settings), 1, known, 5)
     assert proposal.network.predict(proposal.x).mean.shape == (5, 6)

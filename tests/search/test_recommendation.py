@@ -7,7 +7,7 @@ import pytest
 from conftest import fall_at, run, walk_at
 from robust_problem import Grounds
 
-from drake_gait.problem.problem import Trial
+from drake_gait.problem import Trial
 from drake_gait.search.recommendation import Adviser, recommended
 from drake_gait.search.runner import perturbed
 from drake_gait.study.ranking import sample

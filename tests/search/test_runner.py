@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from conftest import Ground, Interruption, fall_at, planned, run, walk_at
 
-from drake_gait.problem.problem import Trial
+from drake_gait.problem import Trial
 from drake_gait.search.runner import Planned, Runner, perturbed
 from drake_gait.study.records import CONFIRMATION, CONFIRMATIONS
 from drake_gait.study.search_settings import ConfirmationSettings
@@ -189,7 +189,7 @@ def test_without_noise_and_change_of_friction_a_variation_is_the_same_trial(stud
     assert perturbed(trial, settings, 7, 1) == trial
 
 
-def test_every_candidate_of_a_search_has_its_replicas_in_order(quick, study, path):
+def test_every_candidate_of_a_search_has_its_replicas_in_order(study, path):
     settings: StudySettings = planned(study, samples=25, simulations=43, batch=4, replicas=3)
     ground = Ground(settings.space)
     walks = run(settings, path, ground)

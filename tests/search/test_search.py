@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from conftest import Ground, Interruption, fall_at, numbers, planned, run, walk_at
 
-from drake_gait.problem.problem import assess
+from drake_gait.problem import assess
 from drake_gait.search import loop as search
 from drake_gait.study.ranking import best_walk, feasible_walks
 from drake_gait.study.store import Study
@@ -17,7 +17,7 @@ from drake_gait.walk import Walk
 
 @pytest.mark.parametrize(("samples", "simulations", "batch"), [(40, 55, 5), (40, 53, 4), (7, 7, 5)])
 def test_a_study_uses_exactly_its_budget_and_stores_every_walk_once(
-    quick, study, path, samples, simulations, batch
+    study, path, samples, simulations, batch
 ):
     settings = planned(study, samples=samples, simulations=simulations, batch=batch)
     ground = Ground(settings.space)
@@ -34,7 +34,7 @@ def test_a_study_uses_exactly_its_budget_and_stores_every_walk_once(
     assert all(walk.stage == "infill" and walk.predicted for walk in walks[samples:])
 
 
-def test_an_infill_walk_tells_which_network_proposed_it_and_what_was_expected(quick, study, path):
+def test_an_infill_walk_tells_which_network_proposed_it_and_what_was_expected(study, path):
     walks = run(study, path)
     assert [walk.iteration for walk in walks[40:]] == [1] * 5 + [2] * 5 + [3] * 5
     for walk in walks[40:]:
@@ -42,7 +42,7 @@ def test_an_infill_walk_tells_which_network_proposed_it_and_what_was_expected(qu
         assert 0.0 <= walk.predicted["survival"] <= 1.0
 
 
-def test_walks_that_finish_in_another_order_give_the_same_study(quick, study, tmp_path):
+def test_walks_that_finish_in_another_order_give_the_same_study(study, tmp_path):
     expected = numbers(run(study, tmp_path / "ordered.db"))
     for seed in (1, 2):
         ground = Ground(study.space, shuffle=seed)
@@ -50,7 +50,7 @@ def test_walks_that_finish_in_another_order_give_the_same_study(quick, study, tm
 
 
 @pytest.mark.parametrize("walks", [0, 1, 39, 40, 43, 45, 54])
-def test_an_interrupted_study_that_goes_on_is_the_same_walk_for_walk(quick, study, tmp_path, walks):
+def test_an_interrupted_study_that_goes_on_is_the_same_walk_for_walk(study, tmp_path, walks):
     expected = numbers(run(study, tmp_path / "whole.db"))
     path = tmp_path / "parted.db"
     first = Ground(study.space, shuffle=walks, stop_after=walks)
@@ -63,7 +63,7 @@ def test_an_interrupted_study_that_goes_on_is_the_same_walk_for_walk(quick, stud
     assert len(second.asked) == 55 - walks
 
 
-def test_an_interrupted_study_does_not_wait_for_a_network(quick, study, path, monkeypatch):
+def test_an_interrupted_study_does_not_wait_for_a_network(study, path, monkeypatch):
     interrupted, learned = threading.Event(), threading.Event()
 
     def learn():
@@ -83,7 +83,7 @@ def test_an_interrupted_study_does_not_wait_for_a_network(quick, study, path, mo
     assert learned.wait(60.0)
 
 
-def test_a_finished_study_simulates_nothing_more(quick, study, path):
+def test_a_finished_study_simulates_nothing_more(study, path):
     expected = numbers(run(study, path))
     again = Ground(study.space)
     assert numbers(run(study, path, again)) == expected
@@ -91,9 +91,7 @@ def test_a_finished_study_simulates_nothing_more(quick, study, path):
 
 
 @pytest.mark.parametrize("first", [41, 47, 50])
-def test_a_study_whose_budget_grew_is_the_one_that_had_it_from_the_start(
-    quick, study, tmp_path, first
-):
+def test_a_study_whose_budget_grew_is_the_one_that_had_it_from_the_start(study, tmp_path, first):
     plan = {"samples": 40, "batch": 5}
     run(planned(study, simulations=first, **plan), tmp_path / "grown.db")
     ground = Ground(study.space)
@@ -106,13 +104,13 @@ def test_a_study_whose_budget_grew_is_the_one_that_had_it_from_the_start(
         assert one.predicted == pytest.approx(other.predicted, rel=1e-9)
 
 
-def test_another_seed_gives_another_study(quick, study, tmp_path):
+def test_another_seed_gives_another_study(study, tmp_path):
     one = run(study, tmp_path / "0.db")
     other = run(dataclasses.replace(study, seed=1), tmp_path / "1.db")
     assert not {walk.candidate for walk in one} & {walk.candidate for walk in other}
 
 
-def test_trials_stay_within_the_limits(quick, study, path):
+def test_trials_stay_within_the_limits(study, path):
     # A box at the edge of Table I, and feet: walking improves towards and beyond the edge.
     centre = np.array(study.space.centre)
     centre[0] = np.radians([14.0, -14.0, 14.0, 14.0])
@@ -134,7 +132,7 @@ def test_trials_stay_within_the_limits(quick, study, path):
     assert (np.abs(x[40:, 16]) > 0.9).any()
 
 
-def test_every_number_reported_is_that_of_a_simulated_walk(quick, study, path):
+def test_every_number_reported_is_that_of_a_simulated_walk(study, path):
     reports = []
     ground = Ground(study.space)
     walks = run(study, path, ground, reports.append)
@@ -161,7 +159,7 @@ def test_the_search_beats_as_many_samples_on_most_seeds(study, tmp_path):
     assert better >= 3
 
 
-def test_stagnation_ends_a_study_before_its_budget(quick, study, path):
+def test_stagnation_ends_a_study_before_its_budget(study, path):
     def plateau(x):
         return dataclasses.replace(walk_at(np.zeros(16)), forward=0.1)
 
@@ -174,7 +172,7 @@ def test_stagnation_ends_a_study_before_its_budget(quick, study, path):
     assert again.asked == []
 
 
-def test_a_study_that_improves_does_not_stagnate(quick, study, path):
+def test_a_study_that_improves_does_not_stagnate(study, path):
     # Each walk goes further than the one before.
     count = iter(range(1000))
 
@@ -185,7 +183,7 @@ def test_a_study_that_improves_does_not_stagnate(quick, study, path):
     assert len(run(settings, path, Ground(settings.space, further))) == 60
 
 
-def test_where_nothing_survives_the_study_goes_on_sampling(quick, study, path):
+def test_where_nothing_survives_the_study_goes_on_sampling(study, path):
     ground = Ground(study.space, fall_at)
     walks = run(study, path, ground)
     assert len(walks) == 55
@@ -195,7 +193,7 @@ def test_where_nothing_survives_the_study_goes_on_sampling(quick, study, path):
     assert (np.abs(np.array(ground.asked)) <= 1.0 + 1e-9).all()
 
 
-def test_sampling_on_ends_with_enough_survivors_for_a_network(quick, study, tmp_path):
+def test_sampling_on_ends_with_enough_survivors_for_a_network(study, tmp_path):
     def rarely(x):
         return walk_at(x) if x[0] > 0.1 else fall_at(x)
 
@@ -215,7 +213,7 @@ def test_sampling_on_ends_with_enough_survivors_for_a_network(quick, study, tmp_
     assert numbers(run(settings, path, Ground(settings.space, rarely))) == numbers(walks)
 
 
-def test_a_study_of_diverged_walks_ends_without_a_crash(quick, study, path):
+def test_a_study_of_diverged_walks_ends_without_a_crash(study, path):
     walks = run(study, path, Ground(study.space, lambda x: Walk.diverged("made up")))
     assert len(walks) == 55
     assert best_walk(walks, study.constraints).id == 0

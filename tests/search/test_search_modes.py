@@ -5,9 +5,9 @@ import functools
 
 import numpy as np
 import pytest
-from conftest import Ground, Interruption, numbers, planned, run, shorten_trainings, walk_at
+from conftest import Ground, Interruption, numbers, planned, run, walk_at
 
-from drake_gait.problem.problem import assess
+from drake_gait.problem import assess
 from drake_gait.search.isade_network import NetworkIsade
 from drake_gait.search.loop import search
 from drake_gait.search.trust_region import TrustRegion
@@ -63,13 +63,11 @@ def whole(study, tmp_path_factory):
         settings = planned(study, **PLANS[name])
         return settings, run(settings, folder / f"{name}.db")
 
-    with pytest.MonkeyPatch.context() as patch:
-        shorten_trainings(patch)
-        yield made
+    return made
 
 
 @pytest.mark.parametrize("name", PLANS)
-def test_a_study_uses_its_budget_and_stores_each_walk_once(quick, study, path, name):
+def test_a_study_uses_its_budget_and_stores_each_walk_once(study, path, name):
     settings = planned(study, **PLANS[name])
     ground = Ground(settings.space)
     walks = run(settings, path, ground)
@@ -82,14 +80,14 @@ def test_a_study_uses_its_budget_and_stores_each_walk_once(quick, study, path, n
 
 
 @pytest.mark.parametrize("name", PLANS)
-def test_walks_that_finish_in_another_order_make_the_same_study(quick, whole, path, name):
+def test_walks_that_finish_in_another_order_make_the_same_study(whole, path, name):
     settings, expected = whole(name)
     shuffled = Ground(settings.space, shuffle=1)
     assert numbers(run(settings, path, shuffled)) == numbers(expected)
 
 
 @pytest.mark.parametrize(("name", "walks"), cases(INTERRUPTED))
-def test_a_study_that_was_interrupted_goes_on_walk_for_walk(quick, whole, path, name, walks):
+def test_a_study_that_was_interrupted_goes_on_walk_for_walk(whole, path, name, walks):
     settings, expected = whole(name)
     with pytest.raises(Interruption):
         run(settings, path, Ground(settings.space, shuffle=walks, stop_after=walks))
@@ -102,7 +100,7 @@ def test_a_study_that_was_interrupted_goes_on_walk_for_walk(quick, whole, path, 
 
 @pytest.mark.parametrize(("name", "first"), cases(FIRST_BUDGETS))
 def test_a_study_with_a_grown_budget_is_the_one_that_had_it_from_the_start(
-    quick, whole, path, name, first
+    whole, path, name, first
 ):
     settings, expected = whole(name)
     run(planned(settings, **{**PLANS[name], "simulations": first}), path)
@@ -114,14 +112,14 @@ def test_a_study_with_a_grown_budget_is_the_one_that_had_it_from_the_start(
 
 
 @pytest.mark.parametrize("name", PLANS)
-def test_another_seed_walks_other_candidates(quick, whole, path, name):
+def test_another_seed_walks_other_candidates(whole, path, name):
     settings, one = whole(name)
     other = run(dataclasses.replace(settings, seed=1), path)
     assert not {walk.candidate for walk in one} & {walk.candidate for walk in other}
 
 
 @pytest.mark.parametrize("name", PLANS)
-def test_the_best_that_is_reported_is_a_stored_walk(quick, study, path, name):
+def test_the_best_that_is_reported_is_a_stored_walk(study, path, name):
     settings = planned(study, **PLANS[name])
     reports = []
     walks = run(settings, path, report=reports.append)
@@ -134,7 +132,7 @@ def test_the_best_that_is_reported_is_a_stored_walk(quick, study, path, name):
 
 
 @pytest.mark.parametrize("name", PLANS)
-def test_what_is_proposed_stays_within_the_limits(quick, study, path, name):
+def test_what_is_proposed_stays_within_the_limits(study, path, name):
     # A box at the edge of Table I: walking improves towards and beyond the edge.
     centre = np.array(study.space.centre)
     centre[0] = np.radians([14.0, -14.0, 14.0, 14.0])

@@ -14,7 +14,7 @@ from drake_gait.files.strict_json import to_json
 from drake_gait.foot import FootDesign
 from drake_gait.gait import ANGLE_LIMITS, Gait
 from drake_gait.optimization import is_finished, open_study
-from drake_gait.problem.problem import Candidate
+from drake_gait.problem import Candidate
 from drake_gait.report.result import summary
 from drake_gait.study.reading import read_study
 from drake_gait.study.records import StudyWalk

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drake_gait.cli import optimize
+from drake_gait.cli import _optimize, optimize
 from drake_gait.errors import SettingsError
 from drake_gait.study._toml import as_toml
 from drake_gait.study.reading import default_study, read_override, read_study
@@ -106,7 +106,9 @@ def test_a_text_has_lines_and_any_character_but_halves_and_controls(key):
 def test_a_folder_that_cannot_be_made_is_one_line_before_anything_walks(
     tmp_path, capsys, monkeypatch, out
 ):
-    monkeypatch.setattr(optimize, "run_study", lambda *arguments, **options: pytest.fail("walked"))
+    monkeypatch.setattr(
+        _optimize, "search_study", lambda *arguments, **options: pytest.fail("walked")
+    )
     (tmp_path / "file").write_text("")
     assert optimize.main(["--out", str(tmp_path / out)]) == 2
     error = capsys.readouterr().err
@@ -119,7 +121,9 @@ def test_a_folder_that_cannot_be_made_is_one_line_before_anything_walks(
 def test_what_stands_in_the_way_of_a_report_is_named_before_anything_walks(
     tmp_path, capsys, monkeypatch, name
 ):
-    monkeypatch.setattr(optimize, "run_study", lambda *arguments, **options: pytest.fail("walked"))
+    monkeypatch.setattr(
+        _optimize, "search_study", lambda *arguments, **options: pytest.fail("walked")
+    )
     if name == "figures":
         (tmp_path / name).write_text("")
     else:

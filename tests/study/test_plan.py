@@ -5,7 +5,7 @@ import math
 import pytest
 
 from drake_gait.errors import SettingsError
-from drake_gait.problem.problem import Objective
+from drake_gait.problem import Objective
 from drake_gait.study.search_settings import ConfirmationSettings, Mode, SearchSettings
 
 

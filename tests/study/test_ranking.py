@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from drake_gait.problem.problem import Constraints, Objective
+from drake_gait.problem import Constraints, Objective
 from drake_gait.study.ranking import best_walk, feasible_walks, nominal_walks, sample
 from drake_gait.study.search_settings import SearchSettings
 from drake_gait.walk import Outcome, Walk

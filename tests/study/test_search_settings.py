@@ -7,7 +7,7 @@ import pytest
 from conftest import MINIMAL
 
 from drake_gait.errors import SettingsError
-from drake_gait.problem.problem import Objective, Trial
+from drake_gait.problem import Objective, Trial
 from drake_gait.search.runner import perturbed
 from drake_gait.study.search_settings import ConfirmationSettings, Mode, SearchSettings
 from drake_gait.study.settings import study_settings

@@ -82,7 +82,7 @@ import subprocess, sys
 from pathlib import Path
 from drake_gait.errors import StudyError
 from drake_gait.gait import STANDING
-from drake_gait.problem.problem import Candidate
+from drake_gait.problem import Candidate
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.store import Study
 from drake_gait.walk import Walk

@@ -8,10 +8,10 @@ import pytest
 
 from drake_gait import optimization as study
 from drake_gait.cli import report
-from drake_gait.cli.replay import choose
+from drake_gait.cli._replay import choose
 from drake_gait.errors import ModelError, SettingsError, StudyError
 from drake_gait.optimization import is_finished, open_study, try_robot
-from drake_gait.problem.problem import Trial
+from drake_gait.problem import Trial
 from drake_gait.robot.description import model_path, read_model
 from drake_gait.simulation import simulate as simulation
 from drake_gait.simulation.simulate import simulate, walk_trial
@@ -110,7 +110,9 @@ def test_a_robot_that_is_named_twice_is_refused_with_the_study(file):
 @pytest.mark.slow
 def test_a_study_walks_the_robot_that_it_began_with(settings, robot, tmp_path, monkeypatch):
     with open_study(settings, tmp_path / "run") as opened:
-        study.run_study(settings, opened, 1, edit_after(monkeypatch, robot, 1))
+        with study.workers_of(settings, opened, 1) as executor:
+            report = edit_after(monkeypatch, robot, 1)
+            study.search_study(settings, opened, executor, report)
         walks = opened.walks()
     assert robot.read_text() == WEAK
     with Study.open(tmp_path / "run") as opened:

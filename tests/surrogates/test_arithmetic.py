@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 import torch
-from conftest import shorten_trainings
+from conftest import QUICK_NETWORK
 from sklearn.exceptions import ConvergenceWarning
 from threadpoolctl import ThreadpoolController
 
@@ -18,26 +18,18 @@ from drake_gait.surrogates.baselines import compare
 from drake_gait.surrogates.ensemble import FEWEST_SURVIVORS, fit, fit_single
 from drake_gait.surrogates.residual_gp import KrigedNetwork
 
-pytestmark = pytest.mark.usefixtures("learns_little")
-
 X = np.random.default_rng(0).uniform(-1.0, 1.0, (60, 5)).round(3)
 Y = np.stack([X[:, 0] * X[:, 1], np.sin(X[:, 2])], axis=1).round(3)
 SURVIVED = X[:, 3] < 0.6
 NEW = np.random.default_rng(1).uniform(-1.0, 1.0, (9, 5)).round(3)
 
 
-@pytest.fixture(scope="module")
-def learns_little():
-    with pytest.MonkeyPatch.context() as patch:
-        shorten_trainings(patch)
-        yield
-
-
 def everything(x=X, y=Y, survived=SURVIVED, new=NEW, *, seed=0, baselines=False):
     """All numbers that come out of all that learns, as bytes."""
-    network = fit(x, y, survived, seed=seed)
+    network = fit(x, y, survived, seed=seed, settings=QUICK_NETWORK)
     since = KrigedNetwork(network, new, np.zeros((len(NEW), 2)), np.arange(len(NEW)) > 3)
-    predicted = [one.predict(new) for one in (network, since, fit_single(x, y, seed=seed))]
+    single = fit_single(x, y, seed=seed, settings=QUICK_NETWORK)
+    predicted = [one.predict(new) for one in (network, since, single)]
     arrays = [array for one in predicted for array in (one.mean, one.deviation, one.survival)]
     arrays += [network.heldout, network.fitted]
     if baselines:
@@ -48,7 +40,7 @@ def everything(x=X, y=Y, survived=SURVIVED, new=NEW, *, seed=0, baselines=False)
 
 
 @pytest.fixture(scope="module")
-def expected(learns_little):
+def expected():
     return everything()
 
 

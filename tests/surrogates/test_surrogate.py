@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_gait.errors import SettingsError
-from drake_gait.problem.problem import OUTPUTS
+from drake_gait.problem import OUTPUTS
 from drake_gait.surrogates.ensemble import FEWEST_SURVIVORS, fit, r_squared
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from conftest import QUICK_NETWORK
 
 from drake_gait.surrogates import baselines as surrogate_baselines
 from drake_gait.surrogates import ensemble as surrogate
@@ -88,10 +89,9 @@ def test_the_area_is_one_for_perfect_order_and_a_half_for_none():
     assert area_under_curve(np.ones(4, dtype=bool), np.full(4, 0.7)) is None
 
 
-@pytest.mark.usefixtures("quick")
 def test_the_baselines_have_the_folds_of_the_network(x, linear, monkeypatch):
     survived = x[:, 2] < 0.4
-    network = surrogate.fit(x, linear, survived, seed=3)
+    network = surrogate.fit(x, linear, survived, seed=3, settings=QUICK_NETWORK)
     seen = []
     plain = surrogate_baselines.heldout
 
@@ -106,10 +106,9 @@ def test_the_baselines_have_the_folds_of_the_network(x, linear, monkeypatch):
         assert (folds == folds_of(count, 3)).all()
 
 
-@pytest.mark.usefixtures("quick")
 def test_where_none_fell_survival_is_not_compared(x, linear):
     everyone = np.ones(len(x), dtype=bool)
-    network = surrogate.fit(x, linear, everyone)
+    network = surrogate.fit(x, linear, everyone, settings=QUICK_NETWORK)
     found = compare(network, x, linear, everyone)
     assert (network.survival_heldout == 1.0).all()
     assert (found.network_auc, found.logistic_auc) == (None, None)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from drake_gait.errors import StudyError
-from drake_gait.execution.local import Serial
+from drake_gait.execution.base import Serial
 from drake_gait.foot import FootDesign
 from drake_gait.gait import Gait
 from drake_gait.robot.description import model_path

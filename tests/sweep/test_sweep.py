@@ -13,8 +13,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from drake_gait.cli import _sweep as command
 from drake_gait.cli import optimize
-from drake_gait.cli import sweep as command
 from drake_gait.cli.sweep import main, parse
 from drake_gait.errors import SettingsError
 from drake_gait.foot import N_MM_PER_DEG

@@ -77,7 +77,7 @@ from pathlib import Path
 warnings.simplefilter("error")
 from drake_gait.cli._signals import begin
 begin()
-from drake_gait import sweep_figures, walk_figures
+from drake_gait.visualization import sweep as sweep_figures, walk as walk_figures
 from drake_gait.visualization.style import save_picture
 from drake_gait.visualization.rasterizer import Picture
 import inspect, numpy

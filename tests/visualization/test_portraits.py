@@ -6,7 +6,7 @@ import pytest
 from drake_gait.errors import SettingsError
 from drake_gait.foot import FootDesign
 from drake_gait.gait import Gait
-from drake_gait.problem.problem import Candidate
+from drake_gait.problem import Candidate
 from drake_gait.simulation.simulate import simulate
 from drake_gait.visualization.portraits import pictures
 

@@ -8,7 +8,7 @@ from browser import FAILING_WEBGL, NO_WEBGL, PLAYS, address, in_a_browser, opene
 
 from drake_gait.errors import GaitError, SettingsError
 from drake_gait.gait import Gait
-from drake_gait.problem.problem import Candidate
+from drake_gait.problem import Candidate
 from drake_gait.simulation.simulate import simulate
 from drake_gait.visualization.meshcat import floor_extent
 from drake_gait.visualization.recording import Exhibit, record, record_gallery

@@ -56,9 +56,9 @@ from drake_gait.errors import SettingsError
 from drake_gait.foot import FootDesign
 from drake_gait.gait import STANDING
 from drake_gait.visualization.live import Screen
-from drake_gait.problem.problem import Candidate
+from drake_gait.problem import Candidate
 from drake_gait.visualization.recording import Exhibit, record, record_gallery
-from drake_gait.simulation import simulate
+from drake_gait import simulate
 
 folder, level = Path(sys.argv[1]), logging.getLogger("drake").level
 candidate = Candidate(gait=STANDING)

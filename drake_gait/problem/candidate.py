@@ -1,0 +1,27 @@
+"""The candidate, a gait on a foot, and the trial, a candidate with how it is simulated."""
+
+from dataclasses import dataclass, field
+
+from drake_gait.foot import FootDesign
+from drake_gait.gait import Gait
+from drake_gait.walk import WalkSettings
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate:
+    """What one simulation is asked to walk: a gait on a pair of feet."""
+
+    gait: Gait
+    """The sixteen coefficients."""
+    foot: FootDesign = field(default_factory=FootDesign)
+    """The toes."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trial:
+    """One simulation to run: all that its numbers depend on."""
+
+    candidate: Candidate
+    """What walks."""
+    settings: WalkSettings = field(default_factory=WalkSettings)
+    """How it is simulated."""
