@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 from conftest import walk_at
 
-from drake_gait.execution.local import Finished
+from drake_gait.execution.base import Finished
 from drake_gait.problem import Constraints
 
 LIMIT = Constraints().lateral
