@@ -8,7 +8,7 @@ from drake_gait.ranges import POSITIVE, Unit, check
 
 
 class Sole(StrEnum):
-    """What touches the ground under the plates of a foot: heel, big toe and lesser toes."""
+    """Shapes that touch the ground under the plates of a foot: heel, big toe and lesser toes."""
 
     AREA = "area"
     """A rigid rim along the edges of each plate, on a compliant half space."""

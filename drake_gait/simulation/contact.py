@@ -63,12 +63,12 @@ class Plate:
 
     @property
     def is_left(self) -> bool:
-        """Whether it is of the left foot."""
+        """Return whether it is of the left foot."""
         return self.link.endswith("_l")
 
     @property
     def is_toe(self) -> bool:
-        """Whether it is a toe, whose rear edge is a hinge."""
+        """Return whether it is a toe, whose rear edge is a hinge."""
         return not self.link.startswith(FOOT_LINKS[0])
 
 
