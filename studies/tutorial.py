@@ -124,7 +124,7 @@ def robustness(result: StudyResult) -> str:
     if result.winner is None:
         return "the furthest; none was robust"
     first = result.finalists[0]
-    return f"robust: {first.feasible} of {first.of} perturbed feasible"
+    return f"tier T{first.tier}: {first.feasible} of {first.of} perturbed feasible"
 
 
 furthest = best_walk(walks, settings.constraints)

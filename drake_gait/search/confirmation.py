@@ -1,7 +1,7 @@
-"""Which of a search's walks can be trusted: candidates walked again, tier by tier.
+"""Confirmation: candidates of a search are walked again, tier by tier, to be trusted.
 
 A single walk says little: a twentieth of a degree may turn it by degrees. Candidates are walked
-with noise on every coefficient and friction that is lower and higher in turn; those that repeat
+with noise on every coefficient, and friction that is lower and higher in turn. Those that repeat
 are walked with fresh noise at reference fidelity. Fresh, because whoever is chosen for its luck has
 none left. One that fails too often is dropped at once. The winner is walked with other servos.
 
@@ -69,7 +69,7 @@ def confirm(settings: StudySettings, runner: Runner, samples: Sequence[Sample]) 
 
 
 def walked_as(settings: StudySettings, walk: StudyWalk) -> WalkSettings:
-    """How any walk of a study was simulated, its ground, fidelity and servos included."""
+    """Return how any walk of a study was simulated, its ground, fidelity and servos included."""
     return _simulated_as(settings, settings.walk, walk)
 
 
@@ -159,7 +159,7 @@ class _Race:
                 return
 
     def listed_walks(self) -> Iterator[Planned]:
-        """What the report shows of those to be believed and of the best single walk, in full."""
+        """Yield, in full, what is to be reported of those that hold and of the best single walk."""
         reached = self._reached(self._tiers[-1]) or self._reached(self._tiers[0])
         listed = dict.fromkeys([*reached, *(one.number for one in self._field[:1])])
         for number in listed:
@@ -174,7 +174,7 @@ class _Race:
             yield self._planned(self._samples[number], 0)
 
     def servo_walks(self) -> Iterator[Planned]:
-        """The winner with other servos, if there is one that converges."""
+        """Yield the walks of the winner with other servos, if it converges."""
         found = winner(self._settings, list(self._runner.walks.values()))
         if found is None or found.tier < Tier.CONVERGED:
             return
@@ -238,7 +238,7 @@ class _Race:
         return None
 
     def _may_walk(self, number: int, tier: Tier) -> bool:
-        """Whether another walk of a candidate may begin: its test never begins one in vain."""
+        """Return whether another walk of a candidate may begin: none is begun in vain."""
         test = self._tests[tier][number]
         budget = {
             Tier.REPEATS: self._plan.walks, Tier.CONVERGED: self._plan.reference_walks

@@ -21,10 +21,10 @@ _SLIPPING = 0.1
 
 
 class Tier(IntEnum):
-    """How far a candidate is to be trusted.
+    """The degrees to which a candidate is to be trusted.
 
-    The walks of its tiers are variations of its own walk, numbered through: `replicas` of REPEATS
-    from 1 on, as many of CONVERGED, then those of SERVO. Nobody fails SERVO; it is reported.
+    The walks that test it are variations of its own walk, numbered through. From 1 on there are
+    `replicas` of REPEATS, as many of CONVERGED, then those of SERVO. Nobody fails SERVO.
     """
 
     FOUND = 0
