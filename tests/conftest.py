@@ -140,24 +140,25 @@ QUICK_NETWORK, QUICK_ISADE = NetworkSettings(epochs=20), IsadeSettings(iteration
 """Networks that learn little and short runs of ISADE: the laws of a search hold for any."""
 
 
-def quick_proposer(settings):
+def quick_proposer(settings, network=QUICK_NETWORK, isade=QUICK_ISADE):
     """The proposer of a study's mode, which learns little in a short time."""
-    quick = {"isade": QUICK_ISADE, "network": QUICK_NETWORK}
+    quick = {"isade": isade, "network": network}
     if settings.search.mode is Mode.DEFAULT:
         return TrustRegion(settings, **quick)
     if settings.search.mode is Mode.ISADE_NETWORK:
-        return NetworkIsade(settings, network=QUICK_NETWORK)
+        return NetworkIsade(settings, network=network)
     if settings.search.mode is Mode.PAPER:
         return PaperProcedure(settings, **quick)
     return (DirectIsade if settings.search.mode is Mode.ISADE else DirectCmaes)(settings)
 
 
-def run(settings, path, ground=None, report=lambda progress: None):
+def run(settings, path, ground=None, report=lambda progress: None, proposer=None):
     """Start or go on with a study that learns little in a short time; its walks."""
     ground = ground or Ground(settings.space)
     opened = Study.open(path, driver=True) if path.exists() else Study.create(path, {})
     with opened as study:
-        search(settings, study, ground, report, proposer=quick_proposer(settings))
+        proposer = proposer or quick_proposer(settings)
+        search(settings, study, ground, report, proposer=proposer)
         return study.walks()
 
 

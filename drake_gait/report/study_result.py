@@ -53,6 +53,14 @@ class FinalistResult:
     """Perturbed walks."""
     robust: bool
     """Whether as many are feasible as the study asks for."""
+    tier: int = 0
+    """Highest tier of trust that it reached, see `finalists.Tier`."""
+    trusted_mm: float | None = None
+    """Its trusted distance [mm]: the median of its walks of tier T2; None below that tier."""
+    converged: Mapping[str, Any] | None = None
+    """Counts and distances of its walks of tier T2."""
+    servo: Mapping[str, Any] | None = None
+    """Counts and distances of its walks of tier T3."""
     slipping: bool | None = None
     """Whether it advances by sliding; None where that was not measured."""
     reference: Mapping[str, Any] | None = None
@@ -84,6 +92,10 @@ class StudyResult:
     """The winner; else the best feasible walk, or the one nearest to it. None without walks."""
     winner: StudyWalk | None
     """The walk of the robust candidate with the best median; None where no candidate is robust."""
+    tier: int = 0
+    """Highest tier of trust that the winner reached; 0 without one."""
+    trusted_mm: float | None = None
+    """Trusted distance of the winner [mm]; None below tier T2."""
     feasible: bool
     """Whether the best walk satisfies every constraint."""
     nominal_best: int | None

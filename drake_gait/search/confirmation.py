@@ -159,7 +159,7 @@ class _Race:
                 return
 
     def listed_walks(self) -> Iterator[Planned]:
-        """Yield, in full, what is to be reported of those that hold and of the best single walk."""
+        """Yield all that is reported of the best single walk and of each that holds."""
         reached = self._reached(self._tiers[-1]) or self._reached(self._tiers[0])
         listed = dict.fromkeys([*reached, *(one.number for one in self._field[:1])])
         for number in listed:

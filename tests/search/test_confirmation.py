@@ -11,6 +11,7 @@ from robust_problem import LIMIT, Grounds
 
 from drake_gait.execution.base import Finished
 from drake_gait.problem import Trial
+from drake_gait.report.result import robust_table, summary
 from drake_gait.search.confirmation import confirm, other_servo, walked_as
 from drake_gait.search.grounds import BETWEEN, end_of, end_of_proposal, on_ground
 from drake_gait.search.runner import Runner, perturbed
@@ -246,6 +247,43 @@ def test_without_a_candidate_that_converges_the_best_that_repeats_wins_and_is_no
     assert found.trusted is None
     assert found.median == max(one.median for one in finalists(raced, walks) if one.robust)
     assert not any(tier_of(raced.confirmation, v) is Tier.SERVO for _, v in track.asked)
+
+
+TRUSTED = {"fragile": FRAGILE}
+REPEATING = {"fragile": {number: {9, 10} for number in range(CANDIDATES)}}
+FALLING = {"fragile": {number: {1, 2} for number in range(CANDIDATES)}}
+
+
+@pytest.mark.parametrize(
+    ("walked", "changes", "tier", "first"),
+    [
+        (TRUSTED, {}, 2, "The winner of 20 walks is walk 5, which can be trusted: 170.0 mm"),
+        (REPEATING, {}, 1, "No gait holds at reference fidelity"),
+        (FALLING, {}, 0, "No gait holds: none repeats"),
+        (TRUSTED, {"walks": 0}, 0, "No gait is known to hold: none was walked again"),
+        (TRUSTED, {"reference_walks": 0}, 1, "No gait is known to hold at reference fidelity"),
+    ],
+)
+def test_a_result_says_first_whether_its_gait_can_be_trusted(
+    raced, path, walked, changes, tier, first
+):
+    settings = planned(raced, **changes)
+    walks = confirmed(settings, path, Track(settings, **walked))
+    result = summary(settings, walks, None, wall_s=0.0)
+    assert result["verdict"].startswith(first)
+    assert result["tier"] == tier
+    assert (result["trusted_mm"] is None) == (tier < 2)
+    for entry in result["finalists"]:
+        assert (entry["trusted_mm"] is None) == (entry["tier"] < 2)
+        assert entry["tier"] <= tier
+    if tier == 2:
+        best = result["finalists"][0]
+        assert result["trusted_mm"] == best["trusted_mm"] == best["converged"]["median_mm"]
+        assert best["servo"]["of"] == 16
+    table = robust_table(settings, walks).splitlines()
+    assert not result["finalists"] or table[1].endswith(f"T{tier}")
+    if not tier:
+        assert result["winner"] is None
 
 
 def test_where_none_repeats_nobody_wins(raced, path):

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from conftest import Ground, planned, run
+from conftest import Ground, planned, quick_proposer, run
 from robust_problem import FURTHEST, ROBUST_BEST, Grounds, forward_of, trusted
 
 from drake_gait.search.confirmation import walked_as
@@ -22,14 +22,15 @@ from drake_gait.search.grounds import (
 from drake_gait.search.recommendation import recommended
 from drake_gait.study.ranking import best_walk, sample
 from drake_gait.study.search_settings import ConfirmationSettings, Mode, SearchSettings
-from drake_gait.surrogates import ensemble
+from drake_gait.search.trust_region import IN_REGION
 from drake_gait.surrogates.ensemble import Prediction
+from drake_gait.surrogates.settings import NetworkSettings
 
 SEARCHED = [Mode.DEFAULT, Mode.ISADE_NETWORK, Mode.CMAES, Mode.ISADE]
 
 
 @pytest.mark.parametrize("mode", SEARCHED)
-def test_batches_alternate_between_slippery_and_sticky_ground(quick, study, path, mode):
+def test_batches_alternate_between_slippery_and_sticky_ground(study, path, mode):
     settings = planned(study, mode=mode, samples=20, simulations=70, batch=5)
     ground = Ground(settings.space)
     walks = run(settings, path, ground)
@@ -46,7 +47,7 @@ def test_batches_alternate_between_slippery_and_sticky_ground(quick, study, path
     ("changes", "friction"),
     [({"grounds": False}, 0.1), ({"mode": Mode.PAPER}, 0.1), ({}, 0.0)],
 )
-def test_a_search_without_grounds_walks_between_them(quick, study, path, changes, friction):
+def test_a_search_without_grounds_walks_between_them(study, path, changes, friction):
     settings = planned(study, samples=20, simulations=26, batch=5, **changes)
     plan = ConfirmationSettings(walks=0, friction=friction)
     settings = dataclasses.replace(settings, confirmation=plan)
@@ -59,7 +60,7 @@ def test_a_search_without_grounds_walks_between_them(quick, study, path, changes
 
 @pytest.mark.parametrize("mode", SEARCHED)
 @pytest.mark.parametrize("replicas", [1, 2])
-def test_how_a_search_walked_is_known_from_the_study_file(quick, study, path, mode, replicas):
+def test_how_a_search_walked_is_known_from_the_study_file(study, path, mode, replicas):
     budget = {"samples": 20, "simulations": 60, "batch": 5, "replicas": replicas}
     settings = planned(study, mode=mode, **budget)
     ground = Ground(settings.space)
@@ -69,7 +70,7 @@ def test_how_a_search_walked_is_known_from_the_study_file(quick, study, path, mo
         assert walked_as(settings, walk) == trials[walk.candidate].settings
 
 
-def test_the_ground_is_the_last_input_of_a_network(quick, study, path):
+def test_the_ground_is_the_last_input_of_a_network(study, path):
     walks = run(study, path)
     inputs = grounded_inputs(study, walks)
     assert inputs.shape == (len(walks), 17)
@@ -136,7 +137,8 @@ def robust_settings(study, seed, **changes):
 
 def searched(settings, path):
     """Samples of a search on the robust problem."""
-    walks = run(settings, path, Grounds(settings))
+    proposer = quick_proposer(settings, NetworkSettings(epochs=60), IN_REGION)
+    walks = run(settings, path, Grounds(settings), proposer=proposer)
     return [sample(walk.id, [walk], settings) for walk in walks]
 
 
@@ -151,8 +153,7 @@ def test_the_robust_optimum_is_the_furthest_that_holds(study):
 
 
 @pytest.mark.parametrize("mode", [Mode.DEFAULT, Mode.ISADE_NETWORK])
-def test_a_search_on_two_grounds_recommends_what_holds(study, tmp_path, monkeypatch, mode):
-    monkeypatch.setattr(ensemble, "_EPOCHS", 60)
+def test_a_search_on_two_grounds_recommends_what_holds(study, tmp_path, mode):
     found = []
     for seed in range(3):
         settings = robust_settings(study, seed, mode=mode)
@@ -168,17 +169,13 @@ def test_a_search_on_two_grounds_recommends_what_holds(study, tmp_path, monkeypa
 
 
 @pytest.mark.parametrize("risk", ["mean", "worst"])
-def test_every_risk_recommends_what_holds(study, tmp_path, monkeypatch, risk):
-    monkeypatch.setattr(ensemble, "_EPOCHS", 60)
+def test_every_risk_recommends_what_holds(study, tmp_path, risk):
     settings = robust_settings(study, 0, risk=risk)
     first = recommended(settings, searched(settings, tmp_path / "s.db"))[0]
     assert trusted(settings, first.candidate) > 0.6 * ROBUST_BEST
 
 
-def test_a_search_that_never_leaves_its_ground_finds_nothing_that_holds(
-    study, tmp_path, monkeypatch
-):
-    monkeypatch.setattr(ensemble, "_EPOCHS", 60)
+def test_a_search_that_never_leaves_its_ground_finds_nothing_that_holds(study, tmp_path):
     settings = robust_settings(study, 0, grounds=False)
     samples = searched(settings, tmp_path / "s.db")
     # All of them are feasible where they were walked.

@@ -135,9 +135,9 @@ def test_networks_are_learnt_ahead_and_less_often_the_more_walks_there_are(study
     ]
 
 
-def test_a_network_learns_the_latest_walks_only(quick, study):
+def test_a_network_learns_the_latest_walks_only(study):
     x = np.random.default_rng(0).uniform(-1.0, 1.0, (WINDOW + 50, 16))
-    network = proposer(study).learn(30, samples_at(x, study))
+    network = quick_proposer(study).learn(30, samples_at(x, study))
     assert len(network.x) == WINDOW
     assert network.x[:, :16] == pytest.approx(x[50:])
 

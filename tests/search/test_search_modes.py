@@ -5,7 +5,7 @@ import functools
 
 import numpy as np
 import pytest
-from conftest import Ground, Interruption, numbers, planned, run, walk_at
+from conftest import QUICK_NETWORK, Ground, Interruption, numbers, planned, run, walk_at
 
 from drake_gait.problem import assess
 from drake_gait.search.isade_network import NetworkIsade
@@ -154,14 +154,14 @@ def test_what_is_proposed_stays_within_the_limits(study, path, name):
 # --- proposers that a user hands over ------------------------------------------------------------
 
 HANDED = {
-    "all told": functools.partial(TrustRegion, tells_all=True),
-    "by isade": functools.partial(TrustRegion, isade_points=3),
-    "history": functools.partial(NetworkIsade, variant="history"),
+    "all told": functools.partial(TrustRegion, network=QUICK_NETWORK, tells_all=True),
+    "by isade": functools.partial(TrustRegion, network=QUICK_NETWORK, isade_points=3),
+    "history": functools.partial(NetworkIsade, variant="history", network=QUICK_NETWORK),
 }
 
 
 @pytest.mark.parametrize("name", HANDED)
-def test_a_search_with_another_proposer_is_as_exact_as_any(quick, study, tmp_path, name):
+def test_a_search_with_another_proposer_is_as_exact_as_any(study, tmp_path, name):
     settings = planned(study, samples=20, simulations=38, batch=5)
     proposer = HANDED[name]
 
