@@ -74,7 +74,15 @@ def test_walks_that_are_no_whole_number_of_candidates_are_refused(mode, proposed
 
 
 @pytest.mark.parametrize(
-    ("name", "least"), [("walks", 0), ("winners", 1), ("replicas", 1), ("feasible", 1)]
+    ("name", "least"),
+    [
+        ("walks", 0),
+        ("reference_walks", 0),
+        ("servo_walks", 0),
+        ("winners", 1),
+        ("replicas", 1),
+        ("feasible", 1),
+    ],
 )
 @pytest.mark.parametrize("beyond", [-1, 0.5, True])
 def test_a_number_of_the_confirmation_is_a_whole_one(name, least, beyond):
