@@ -20,9 +20,9 @@ from drake_gait.search.grounds import (
     together,
 )
 from drake_gait.search.recommendation import recommended
+from drake_gait.search.trust_region import IN_REGION
 from drake_gait.study.ranking import best_walk, sample
 from drake_gait.study.search_settings import ConfirmationSettings, Mode, SearchSettings
-from drake_gait.search.trust_region import IN_REGION
 from drake_gait.surrogates.ensemble import Prediction
 from drake_gait.surrogates.settings import NetworkSettings
 
