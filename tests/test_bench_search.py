@@ -8,8 +8,8 @@ import pytest
 from conftest import walk_at
 
 from drake_gait.errors import SettingsError
+from drake_gait.study.reading import default_study
 from drake_gait.study.search_settings import Mode
-from drake_gait.study.settings import default_study
 from drake_gait.walk import Fidelity
 
 
