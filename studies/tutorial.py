@@ -31,7 +31,6 @@ from drake_gait import (
     write_report,
 )
 from drake_gait.foot import N_MM_PER_DEG
-from drake_gait.problem import OUTPUTS
 from drake_gait.report.result import in_words
 from drake_gait.search.proposer import training_data
 from drake_gait.study.ranking import best_walk, feasible_walks
@@ -114,7 +113,9 @@ feasible = feasible_walks(samples, settings.constraints)
 survived = sum(walk.walk.survived for walk in samples)
 print(f"5. of {len(samples)} samples {survived} walk, {len(feasible)} are feasible")
 network = fit(*training_data(samples, settings.space, settings.outputs), seed=options.seed)
-for name, train, heldout in zip(OUTPUTS, network.r2_train, network.r2_heldout, strict=True):
+for name, train, heldout in zip(
+    settings.outputs, network.r2_train, network.r2_heldout, strict=True
+):
     print(f"   R² of {name:<10}  walks learnt from {train:5.2f}   held out {heldout:5.2f}")
 
 

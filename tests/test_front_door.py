@@ -25,6 +25,7 @@ from drake_gait import (
 )
 from drake_gait.cli.optimize import main as optimize
 from drake_gait.errors import SettingsError, StudyError, WorkerError
+from drake_gait.search.confirmation import walked_as
 from drake_gait.study.search_settings import ConfirmationSettings, SearchSettings
 
 HEAVY = ("torch", "matplotlib", "pydrake", "scipy", "sklearn", "cmaes", "distributed", "jinja2")
@@ -314,7 +315,7 @@ def test_a_thread_runs_what_the_command_runs_and_reports_it(settings, paper_stud
     thread.join()
     assert walks_in(tmp_path / "a") == walks_in(tmp_path / "b")
     best = found[0].best
-    assert simulate(best.candidate, read.walk).forward == best.walk.forward
+    assert simulate(best.candidate, walked_as(read, best)).forward == best.walk.forward
     reported = write_report(tmp_path / "b")
     assert reported.measures is not None
     assert (tmp_path / "b" / "report.html").is_file()

@@ -198,6 +198,8 @@ def _connected(address: str, count: int) -> "tuple[Client, LocalCluster | None]"
     from distributed import Client, LocalCluster
 
     if address == "local":
+        # Dask silences its own handler only; another library's root handler hears its loggers too.
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)
         # Its workers are threads: the processes that walk are theirs, and end with them.
         cluster = LocalCluster(
             n_workers=count,

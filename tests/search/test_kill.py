@@ -16,6 +16,7 @@ KILLER = """
 import json, os, pickle, signal, sys, time
 from pathlib import Path
 
+import numpy as np
 from conftest import Ground, run
 from drake_gait.study.store import Study
 

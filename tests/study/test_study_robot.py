@@ -13,6 +13,7 @@ from drake_gait.errors import ModelError, SettingsError, StudyError
 from drake_gait.optimization import is_finished, open_study, try_robot
 from drake_gait.problem import Trial
 from drake_gait.robot.description import model_path, read_model
+from drake_gait.search.confirmation import walked_as
 from drake_gait.simulation import simulate as simulation
 from drake_gait.simulation.simulate import simulate, walk_trial
 from drake_gait.study.reading import read_study
@@ -116,10 +117,12 @@ def test_a_study_walks_the_robot_that_it_began_with(settings, robot, tmp_path, m
         walks = opened.walks()
     assert robot.read_text() == WEAK
     with Study.open(tmp_path / "run") as opened:
-        kept = settings_with_robot(opened).walk
+        kept = settings_with_robot(opened)
     for walk in walks:
-        assert simulate(walk.candidate, kept).forward == walk.walk.forward
-    assert simulate(walks[0].candidate, settings.walk).forward != walks[0].walk.forward
+        assert simulate(walk.candidate, walked_as(kept, walk)).forward == walk.walk.forward
+    assert (
+        simulate(walks[0].candidate, walked_as(settings, walks[0])).forward != walks[0].walk.forward
+    )
 
 
 def test_a_worker_walks_the_content_and_not_the_path(settings, robot):
