@@ -12,9 +12,10 @@ from drake_gait.errors import GaitError, StudyError
 from drake_gait.foot import FootDesign
 from drake_gait.gait import Gait
 from drake_gait.problem import COEFFICIENTS, Candidate
+from drake_gait.study.search_settings import MOST_SIMULATIONS
 from drake_gait.walk import Measures, Outcome, Walk
 
-CONFIRMATIONS = 1_000_000
+CONFIRMATIONS = MOST_SIMULATIONS
 """Walks that confirm others have ids from here on, so that a study's budget can grow."""
 
 CONFIRMATION = "confirmation"

@@ -36,6 +36,10 @@ class Risk(StrEnum):
     """The improvement to expect on the worse ground, and the chance to hold on both."""
 
 
+MOST_SIMULATIONS = 1_000_000
+"""Walks of a study are fewer: ids from here on are those of confirmations."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class SearchSettings:
     """How much is simulated, and in what portions."""
@@ -80,6 +84,11 @@ class SearchSettings:
         _whole("search.batch", self.batch, 4)  # CMA-ES has no smaller population.
         if self.stagnation is not None:
             _whole("search.stagnation", self.stagnation, 1)
+        if self.simulations >= MOST_SIMULATIONS:
+            raise SettingsError(
+                f"search.simulations must be less than {MOST_SIMULATIONS}, got {self.simulations}; "
+                "part it into studies of several seeds"
+            )
         if self.samples > self.simulations:
             raise SettingsError(
                 f"search.samples ({self.samples}) must not exceed search.simulations "

@@ -130,3 +130,9 @@ def test_what_cannot_be_used_is_refused_in_one_line(read, text, complaint):
         read(MINIMAL + text)
     assert complaint in str(refusal.value)
     assert "\n" not in str(refusal.value)
+
+
+def test_a_search_leaves_the_ids_of_its_confirmation_free():
+    with pytest.raises(SettingsError, match=r"search\.simulations .* got 1000000"):
+        SearchSettings(simulations=1_000_000)
+    assert SearchSettings(simulations=999_999).simulations == 999_999
