@@ -56,6 +56,9 @@ def identity() -> dict[str, str]:
     }
 
 
+_LOG = logging.getLogger("distributed")
+
+
 class DaskCluster(RemoteWorkers):
     """Walks on a Dask cluster: `with DaskCluster(walk, "tcp://10.0.0.1:8786") as executor`.
 
@@ -88,6 +91,7 @@ class DaskCluster(RemoteWorkers):
         self._task = (pickle.dumps(walk), time_limit, identity, dict(identity()))
         self._promises: set[Future[Timed]] = set()
         self._closed = threading.Event()
+        self._log_level = _LOG.level
         self._client, self._cluster = _connected(address, count)
         try:
             self._wait_for_workers()
@@ -189,6 +193,7 @@ class DaskCluster(RemoteWorkers):
         if self._cluster is not None:
             with suppress(Exception):
                 self._cluster.close(timeout=_CLOSING_TIME)
+            _LOG.setLevel(self._log_level)
 
 
 def _connected(address: str, count: int) -> "tuple[Client, LocalCluster | None]":
@@ -199,7 +204,7 @@ def _connected(address: str, count: int) -> "tuple[Client, LocalCluster | None]"
 
     if address == "local":
         # Dask silences its own handler only; another library's root handler hears its loggers too.
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        _LOG.setLevel(logging.CRITICAL)
         # Its workers are threads: the processes that walk are theirs, and end with them.
         cluster = LocalCluster(
             n_workers=count,

@@ -18,7 +18,19 @@ from drake_gait.study.settings import StudySettings
 from drake_gait.surrogates.ensemble import Network
 
 
-class DirectIsade:
+class _Direct:
+    """Base of the optimisers on the simulator: they learn nothing, and wait for all walks."""
+
+    def vintage(self, iteration: int) -> int:
+        """Return the iteration itself."""
+        return iteration
+
+    def learn(self, iteration: int, known: Sequence[Sample]) -> Network | None:
+        """Learn nothing."""
+        return None
+
+
+class DirectIsade(_Direct):
     """ISADE on the simulator, from a Latin hypercube in the box.
 
     Args:
@@ -36,14 +48,6 @@ class DirectIsade:
         self.samples = self.batch = population
         self.name = f"DirectIsade(population={population}, generations={generations})"
         self._optimiser: isade.Isade | None = None
-
-    def vintage(self, iteration: int) -> int:
-        """Its own: it waits for all walks."""
-        return iteration
-
-    def learn(self, iteration: int, known: Sequence[Sample]) -> Network | None:
-        """Nothing."""
-        return None
 
     def propose(
         self, iteration: int, known: Sequence[Sample], network: Network | None, count: int
@@ -69,7 +73,7 @@ class DirectIsade:
         return Proposal(x=trials[:count], stage="infill" if iteration else "design")
 
 
-class DirectCmaes:
+class DirectCmaes(_Direct):
     """CMA-ES (the `cmaes` library) on the paper's penalised fitness, from the middle of the box.
 
     Args:
@@ -90,14 +94,6 @@ class DirectCmaes:
         self.samples = self.batch = self._optimiser.population_size
         self.name = f"DirectCmaes(step={step})"
         self._asked: list[FloatArray] = []
-
-    def vintage(self, iteration: int) -> int:
-        """Its own: it waits for all walks."""
-        return iteration
-
-    def learn(self, iteration: int, known: Sequence[Sample]) -> Network | None:
-        """Nothing."""
-        return None
 
     def propose(
         self, iteration: int, known: Sequence[Sample], network: Network | None, count: int

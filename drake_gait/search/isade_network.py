@@ -14,8 +14,8 @@ from scipy.spatial.distance import cdist
 from drake_gait.gait import FloatArray
 from drake_gait.optimizers.isade import Isade
 from drake_gait.search.acquisition import Acquisition
-from drake_gait.search.learner import Learner, gain_to_beat, promise
-from drake_gait.search.proposer import Proposal, design_of_experiments, latin_hypercube
+from drake_gait.search.learner import NetworkProposer, gain_to_beat, promise
+from drake_gait.search.proposer import Proposal
 from drake_gait.search.seeding import Purpose, seed_of
 from drake_gait.study.ranking import Sample
 from drake_gait.study.settings import StudySettings
@@ -33,7 +33,7 @@ _SAME = 1e-9
 """Distance, in units of the box, up to which two candidates are one."""
 
 
-class NetworkIsade:
+class NetworkIsade(NetworkProposer):
     """ISADE on simulated walks, of whose many trials a network has the best walked.
 
     Args:
@@ -49,29 +49,16 @@ class NetworkIsade:
         *,
         network: NetworkSettings | None = None,
     ) -> None:
-        self._settings, self._variant = settings, variant
+        super().__init__(settings, network)
+        self._variant = variant
         self.name = f"NetworkIsade({variant!r}, {network or NetworkSettings()})"
-        self.samples, self.batch = settings.search.samples, settings.search.batch
-        self._learner = Learner(settings, self.samples, self.batch, network)
-
-    def vintage(self, iteration: int) -> int:
-        """An earlier one where networks take longer than walks."""
-        return self._learner.vintage(iteration)
-
-    def learn(self, iteration: int, known: Sequence[Sample]) -> Surrogate | None:
-        """An ensemble of networks of the latest walks, if enough survived."""
-        return self._learner.learn(iteration, known)
 
     def propose(
         self, iteration: int, known: Sequence[Sample], network: Network | None, count: int
     ) -> Proposal:
         """The design of experiments, then the best of many trials of ISADE."""
-        settings = self._settings
-        if iteration == 0:
-            return Proposal(x=design_of_experiments(settings), stage="design")
-        if not isinstance(network, Surrogate):
-            x = latin_hypercube(settings, self.batch, iteration)
-            return Proposal(x=x[:count], stage="design")
+        if iteration == 0 or not isinstance(network, Surrogate):
+            return self._unlearnt(iteration, count)
         asked = self._learner.asked(network, iteration, known)
         population, costs = self._population(asked, known)
         trials = self._trials(iteration, population, costs)

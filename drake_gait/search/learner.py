@@ -13,7 +13,12 @@ from drake_gait.gait import FloatArray
 from drake_gait.problem import quantity
 from drake_gait.search.acquisition import chance_to_hold
 from drake_gait.search.grounds import Grounded, grounded_inputs, predictions, together
-from drake_gait.search.proposer import all_walks
+from drake_gait.search.proposer import (
+    Proposal,
+    all_walks,
+    design_of_experiments,
+    latin_hypercube,
+)
 from drake_gait.search.seeding import Purpose, seed_of
 from drake_gait.study.ranking import Sample
 from drake_gait.study.records import StudyWalk
@@ -83,6 +88,35 @@ class Learner:
     def _count(self, iteration: int) -> int:
         """Return the number of samples that an iteration knows."""
         return 0 if iteration == 0 else self._samples + (iteration - 1) * self._batch
+
+
+class NetworkProposer:
+    """Base of the proposers that ask a network of the latest walks.
+
+    Args:
+        settings: The study.
+        network: Size of the networks, and how long they learn.
+    """
+
+    def __init__(self, settings: StudySettings, network: NetworkSettings | None) -> None:
+        self._settings = settings
+        self.samples, self.batch = settings.search.samples, settings.search.batch
+        self._learner = Learner(settings, self.samples, self.batch, network)
+
+    def vintage(self, iteration: int) -> int:
+        """Return an earlier iteration where networks take longer than walks."""
+        return self._learner.vintage(iteration)
+
+    def learn(self, iteration: int, known: Sequence[Sample]) -> Surrogate | None:
+        """Return an ensemble of networks of the latest walks, if enough survived."""
+        return self._learner.learn(iteration, known)
+
+    def _unlearnt(self, iteration: int, count: int) -> Proposal:
+        """Return the samples of the box that are walked before there is a network."""
+        if iteration == 0:
+            return Proposal(x=design_of_experiments(self._settings), stage="design")
+        x = latin_hypercube(self._settings, self.batch, iteration)
+        return Proposal(x=x[:count], stage="design")
 
 
 def learnt(

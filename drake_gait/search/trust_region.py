@@ -11,12 +11,10 @@ from drake_gait.gait import FloatArray
 from drake_gait.optimizers import isade
 from drake_gait.search.acquisition import Acquisition
 from drake_gait.search.grounds import end_of_proposal, grounded_inputs
-from drake_gait.search.learner import Learner, gain_to_beat
+from drake_gait.search.learner import NetworkProposer, gain_to_beat
 from drake_gait.search.proposer import (
     IsadeSettings,
     Proposal,
-    design_of_experiments,
-    latin_hypercube,
 )
 from drake_gait.search.seeding import Purpose, seed_of
 from drake_gait.study.ranking import Sample
@@ -40,7 +38,7 @@ IN_REGION = IsadeSettings(iterations=30)
 """When ISADE stops in the region: workers wait for it."""
 
 
-class TrustRegion:
+class TrustRegion(NetworkProposer):
     """The default: an ensemble of networks chooses in a region that follows what was simulated.
 
     The region is the distribution of CMA-ES, which learns from every simulated walk where the
@@ -66,34 +64,21 @@ class TrustRegion:
         tells_all: bool = False,
         isade_points: int = 1,
     ) -> None:
-        self._settings, self._tells_all, self._isade_points = settings, tells_all, isade_points
+        super().__init__(settings, network)
+        self._tells_all, self._isade_points = tells_all, isade_points
         self._isade, self._network = isade, network or NetworkSettings()
         self.name = f"TrustRegion({self._isade}, {self._network}, {tells_all}, {isade_points})"
-        self.samples, self.batch = settings.search.samples, settings.search.batch
-        self._learner = Learner(settings, self.samples, self.batch, self._network)
         self._region: CMA | None = None
         self._draws: FloatArray = np.empty((0, settings.space.dimension))
         self._started = 1
         self._told = 0
 
-    def vintage(self, iteration: int) -> int:
-        """An earlier one where networks take longer than walks."""
-        return self._learner.vintage(iteration)
-
-    def learn(self, iteration: int, known: Sequence[Sample]) -> Surrogate | None:
-        """An ensemble of networks of the latest walks, if enough survived."""
-        return self._learner.learn(iteration, known)
-
     def propose(
         self, iteration: int, known: Sequence[Sample], network: Network | None, count: int
     ) -> Proposal:
         """The design of experiments, then points of large acquisition, apart."""
-        settings = self._settings
-        if iteration == 0:
-            return Proposal(x=design_of_experiments(settings), stage="design")
-        if not isinstance(network, Surrogate):
-            x = latin_hypercube(settings, self.batch, iteration)
-            return Proposal(x=x[:count], stage="design")
+        if iteration == 0 or not isinstance(network, Surrogate):
+            return self._unlearnt(iteration, count)
         while self._told < iteration:  # Also what a study did before it went on.
             self._told += 1
             stop = self.samples + (self._told - 1) * self.batch
