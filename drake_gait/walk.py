@@ -227,7 +227,7 @@ class Walk:
 
     outcome: Outcome
     """How the walk ended."""
-    steps: int
+    frames: int
     """Control frames completed before the robot fell: N, at most 240."""
     forward: float
     """Displacement of the centre of mass along world x [m]: Z_f."""
@@ -262,11 +262,11 @@ class Walk:
         return "lost"
 
     @classmethod
-    def diverged(cls, reason: str, steps: int = 0) -> "Walk":
+    def diverged(cls, reason: str, frames: int = 0) -> "Walk":
         """The stated numbers of a walk that could not be simulated to its end: all zero."""
         return cls(
             outcome=Outcome.DIVERGED,
-            steps=steps,
+            frames=frames,
             forward=0.0,
             lateral=0.0,
             yaw=0.0,

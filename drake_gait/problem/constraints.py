@@ -97,7 +97,7 @@ class Constraints:
     @property
     def names(self) -> tuple[str, ...]:
         """What each of `Assessment.violations` is of."""
-        return (*(limit.quantity for limit in self.limits), "steps")
+        return (*(limit.quantity for limit in self.limits), "frames")
 
     def _measures(self) -> list[tuple[str, float]]:
         names = [limit.name for limit in fields(self)][3:]
@@ -147,7 +147,7 @@ def assess(
     walk: Walk, limits: Constraints, objective: Objective = Objective.DISTANCE
 ) -> Assessment:
     """Objective and violations of one simulated walk."""
-    missing = (FRAMES - walk.steps) / FRAMES  # Eq. 14
+    missing = (FRAMES - walk.frames) / FRAMES  # Eq. 14
     if not walk.survived:
         missing = max(missing, 1.0 / FRAMES)
     excess = [float(limit.excess(quantity(walk, limit.quantity))) for limit in limits.limits]

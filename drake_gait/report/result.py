@@ -167,7 +167,7 @@ def _finalist(settings: StudySettings, finalist: Finalist) -> dict[str, Any]:
         and {
             "outcome": str(reference.walk.outcome),
             **distances(reference.walk),
-            "steps": reference.walk.steps,
+            "frames": reference.walk.frames,
             "feasible": settings.assess(reference.walk).feasible,
         },
         "measures": measured and measured.walk.measures and asdict(measured.walk.measures),
@@ -237,7 +237,7 @@ def table(walks: Sequence[StudyWalk], limits: Constraints) -> str:
                 1e3 * entry.walk.lateral,
                 1e3 * entry.walk.forward,
                 float(np.degrees(entry.walk.yaw)),
-                entry.walk.steps,
+                entry.walk.frames,
             )
         lines.append(f"{left:<40}    F{len(PAPER_TABLE) - place} {_row(*paper)}")
     return "\n".join(lines)
@@ -275,10 +275,10 @@ def _rounded(value: float | None, digits: int) -> str:
 def in_words(walk: Walk) -> str:
     """Return the paper's four numbers of a walk, as text, or why there are none."""
     if walk.outcome is Outcome.DIVERGED:
-        return f"not simulated to its end ({walk.reason}), {walk.steps} frames"
+        return f"not simulated to its end ({walk.reason}), {walk.frames} frames"
     return (
         f"{1e3 * walk.forward:.1f} mm forward, {1e3 * walk.lateral:.1f} mm lateral, "
-        f"{np.degrees(walk.yaw):.2f} degrees, {walk.steps} frames"
+        f"{np.degrees(walk.yaw):.2f} degrees, {walk.frames} frames"
     )
 
 
@@ -302,8 +302,8 @@ def manner_in_words(measures: Measures) -> str:
     )
 
 
-def _row(lateral_mm: float, forward_mm: float, yaw_deg: float, steps: int) -> str:
-    return f"{lateral_mm:8.3f} {forward_mm:8.2f} {yaw_deg:8.3f} {steps:4d}"
+def _row(lateral_mm: float, forward_mm: float, yaw_deg: float, frames: int) -> str:
+    return f"{lateral_mm:8.3f} {forward_mm:8.2f} {yaw_deg:8.3f} {frames:4d}"
 
 
 def _by_output(values: Any) -> Mapping[str, float | None]:

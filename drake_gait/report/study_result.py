@@ -151,6 +151,7 @@ class StudyResult:
             StudyError: a key is missing, or holds what no result has.
         """
         try:
+            content = with_frames(content)
             best = _best(content)
             known = {one.name: content[one.name] for one in fields(cls) if one.name in content}
             robust = content["winner"] is not None
@@ -203,7 +204,7 @@ def best_in_words(best: StudyWalk | None) -> dict[str, Any]:
         "walk": best.id if best else None,
         "outcome": str(walk.outcome) if walk else None,
         **distances(walk),
-        "steps": walk.steps if walk else None,
+        "frames": walk.frames if walk else None,
         "coefficients_deg": best.candidate.gait.degrees.tolist() if best else None,
         "foot": asdict(best.candidate.foot) if best else None,
     }
@@ -253,7 +254,18 @@ def read_result(folder: Path) -> dict[str, Any]:
         raise StudyError(f"cannot read {path}: {reason}; {_cure(folder)}") from None
     if not isinstance(found, dict):
         raise StudyError(f"{path} is no result of a study")
-    return found
+    return with_frames(found)
+
+
+def with_frames(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the content of a result.json, in which older versions called frames "steps"."""
+
+    def renamed(value: Any) -> Any:
+        if isinstance(value, Mapping):
+            return with_frames(value)
+        return [renamed(one) for one in value] if isinstance(value, list) else value
+
+    return {"frames" if key == "steps" else key: renamed(value) for key, value in content.items()}
 
 
 def _cure(folder: Path) -> str:
@@ -292,7 +304,7 @@ def _best(content: Mapping[str, Any]) -> StudyWalk | None:
         ),
         walk=Walk(
             outcome=Outcome(content["outcome"]),
-            steps=content["steps"],
+            frames=content["frames"],
             forward=forward,
             lateral=lateral,
             yaw=float(np.radians(content.get("yaw_deg") or 0.0)),

@@ -89,7 +89,7 @@ def beside_the_paper(walks: Sequence[StudyWalk], limits: Constraints) -> Table:
         if place < len(ours):
             walk = ours[place].walk
             left = [str(ours[place].id), *_paper_s_numbers(1e3 * walk.lateral, 1e3 * walk.forward,
-                    float(np.degrees(walk.yaw)), walk.steps)]  # fmt: skip
+                    float(np.degrees(walk.yaw)), walk.frames)]  # fmt: skip
         rows.append(
             [str(place + 1), *left, f"F{len(PAPER_TABLE) - place}", *_paper_s_numbers(*paper)]
         )
@@ -101,8 +101,8 @@ def beside_the_paper(walks: Sequence[StudyWalk], limits: Constraints) -> Table:
     )
 
 
-def _paper_s_numbers(lateral: float, forward: float, yaw: float, steps: int) -> list[str]:
-    return [number(lateral, 2), number(forward, 2), number(yaw, 2), str(steps)]
+def _paper_s_numbers(lateral: float, forward: float, yaw: float, frames: int) -> list[str]:
+    return [number(lateral, 2), number(forward, 2), number(yaw, 2), str(frames)]
 
 
 def finalists(result: Mapping[str, Any], *, dropped: bool = False) -> Table | None:
@@ -278,7 +278,7 @@ def failures(walks: Iterable[StudyWalk]) -> Table:
     for entry in walks:
         walk = entry.walk
         if walk.outcome is Outcome.FELL:
-            begin = CYCLE_TIME * int(walk.steps * FRAME_TIME / CYCLE_TIME)
+            begin = CYCLE_TIME * int(walk.frames * FRAME_TIME / CYCLE_TIME)
             counts[f"fell between {begin:.1f} and {begin + CYCLE_TIME:.1f} s"] += 1
         elif walk.failure:
             counts[walk.failure] += 1
@@ -337,7 +337,7 @@ def side_by_side(names: Sequence[str], results: Sequence[Mapping[str, Any]]) -> 
     lines = (
         ("best walk", "walk", 0), ("Z, forward [mm]", "forward_mm", 1),
         ("X, lateral [mm]", "lateral_mm", 1), ("R, turn [deg]", "yaw_deg", 2),
-        ("Y, height of the centre of mass [mm]", "com_height_mm", 2), ("N, frames", "steps", 0),
+        ("Y, height of the centre of mass [mm]", "com_height_mm", 2), ("N, frames", "frames", 0),
         ("walks", "simulations", 0), ("on their feet", "survivors", 0),
         ("feasible walks", "feasible_count", 0), ("time [s]", "wall_s", 0),
     )  # fmt: skip

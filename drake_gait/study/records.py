@@ -22,7 +22,7 @@ CONFIRMATION = "confirmation"
 """Stage of a walk that confirms another one."""
 
 _FOOT = tuple(field.name for field in fields(FootDesign))
-_WALK = ("steps", "forward", "lateral", "yaw", "com_height")
+_WALK = ("frames", "forward", "lateral", "yaw", "com_height")
 _PREDICTED = ("forward", "lateral", "yaw", "survival")
 
 _FEET = ("right", "left")
@@ -39,7 +39,7 @@ COLUMNS = (
     ["id integer primary key", "stage text not null", "iteration integer not null"]
     + ["nominal integer", "variation integer not null"]
     + [f"{name} real not null" for name in (*COEFFICIENTS, *_FOOT)]
-    + ["outcome text not null", "reason text not null", "steps integer not null"]
+    + ["outcome text not null", "reason text not null", "frames integer not null"]
     + [f"{name} real not null" for name in _WALK[1:]]
     + [f"{name} real" for name in _MEASURE_NAMES]
     + [f"predicted_{name} real" for name in _PREDICTED]
@@ -101,7 +101,7 @@ def to_row(entry: StudyWalk) -> list[Any]:
         [int(entry.id), entry.stage, int(entry.iteration), entry.nominal, int(entry.variation)]
         + [float(value) for value in entry.candidate.gait.coefficients.ravel()]
         + [getattr(entry.candidate.foot, name) for name in _FOOT]
-        + [walk.outcome.value, walk.reason, int(walk.steps)]
+        + [walk.outcome.value, walk.reason, int(walk.frames)]
         + [float(getattr(walk, name)) for name in _WALK[1:]]
         + _measure_values(walk)
         + [predicted.get(name) for name in _PREDICTED]

@@ -1,6 +1,6 @@
 """The study file: every walk ever simulated, in one SQLite database.
 
-Tables (schema 3; SI units, angles in radians, numbers as full doubles):
+Tables (schema 4; SI units, angles in radians, numbers as full doubles):
 
     study   key, value      schema, settings, model_sha256, versions and source (the file that
                             the settings were read from, and what was set beside it), each as JSON
@@ -19,7 +19,7 @@ columns that they lack, and get those from the driver that goes on with them.
 
 import json
 import stat
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from contextlib import ExitStack
 from pathlib import Path
 from typing import IO, Any, Self
@@ -42,10 +42,12 @@ from drake_gait.study.records import (
 )
 from drake_gait.study.settings import StudySettings, study_settings
 
-SCHEMA = 3
+SCHEMA = 4
 _OLDEST = 2
 _SINCE_OLDEST = frozenset({"peak_ground_reaction"})
 """Columns that a study of an older schema may lack."""
+_RENAMED = {"frames": "steps"}
+"""Columns that had another name until schema 3, with that name."""
 
 PROPOSER = "proposer"
 """Key of a study under which the name of a proposer is that was handed over."""
@@ -209,19 +211,22 @@ class Study:
 
     def _bring_up_to_date(self) -> None:
         """Give the file the columns of this schema."""
-        lacking = self._lacking()
+        found = self._found()
         with self._database.writing() as connection:
             connection.execute("begin")
-            for name in lacking:
+            for name, was in _RENAMED.items():
+                if name not in found:
+                    connection.execute(f"alter table walks rename column {was} to {name}")
+            for name in _SINCE_OLDEST - found:
                 connection.execute(f"alter table walks add column {name} real")
             connection.execute(
                 "update study set value = ? where key = 'schema'", (json.dumps(SCHEMA),)
             )
 
-    def _lacking(self) -> frozenset[str]:
-        """Columns that have come since the file was made."""
+    def _found(self) -> frozenset[str]:
+        """Return the columns that the file has."""
         found = self._database.rows("select name from pragma_table_info('walks')")
-        return _SINCE_OLDEST - {name for (name,) in found}
+        return frozenset(name for (name,) in found)
 
     def require(self, wanted: Mapping[str, Any]) -> None:
         """Refuse to go on where the study was made with something else than `wanted`.
@@ -302,8 +307,8 @@ class Study:
         Raises:
             StudyError: a value is none that its column can have.
         """
-        lacking = self._lacking()
-        columns = (f"null as {name}" if name in lacking else name for name in NAMES)
+        present = self._found()
+        columns = (_selected(name, present) for name in NAMES)
         found = self._database.rows(f"select {', '.join(columns)} from walks order by id")
         try:
             for row in found:
@@ -346,6 +351,14 @@ def study_file(path: str | Path) -> Path:
         return path / "study.db" if path.is_dir() else path
     except OSError:  # It cannot be told; whoever opens the file is told why.
         return path
+
+
+def _selected(name: str, found: Set[str]) -> str:
+    """Return what a query selects as a column, of a file that may have been made before it."""
+    if name not in found and name in _SINCE_OLDEST:
+        return f"null as {name}"
+    was = _RENAMED.get(name, name)
+    return f"{was} as {name}" if name not in found and was in found else name
 
 
 def _column(values: Sequence[Any], kind: str) -> NDArray[Any]:
