@@ -1,4 +1,5 @@
 import dataclasses
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -29,6 +30,10 @@ from drake_gait.walk import Measures, Outcome, Walk
 # A law is no race: other processes may hold the machine while an example runs.
 hypothesis_settings.register_profile("laws", deadline=None, max_examples=40)
 hypothesis_settings.load_profile("laws")
+
+# In the background of a shell, or under nohup, these would be ignored by all that the tests start.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 DESCRIPTION = {
