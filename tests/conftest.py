@@ -39,7 +39,7 @@ signal.signal(signal.SIGHUP, signal.SIG_DFL)
 SHARED_FIXTURE = "finished_run"
 """A fixture that takes a minute, and that tests of several files share."""
 
-SHARED_IN_A_FILE = {"corrected", "found", "network", "running", "whole"}
+SHARED_IN_A_FILE = {"corrected", "found", "learnt", "network", "reference", "running", "whole"}
 """Fixtures that take seconds, and that tests of one file share."""
 
 
