@@ -20,7 +20,10 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 
-WHERE = "import drake_gait, sys; print(drake_gait.__file__.startswith(sys.prefix))"
+_ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+"""As the Makefile has it: the tests run on all cores."""
+
+_WHERE = "import drake_gait, sys; print(drake_gait.__file__.startswith(sys.prefix))"
 
 
 def build(folder: Path) -> tuple[Path, Path]:
@@ -46,16 +49,16 @@ def check(sdist: Path, python: Path, folder: Path, arguments: Sequence[str]) -> 
         archive.extractall(folder, filter="data")
     source = folder / sdist.name.removesuffix(".tar.gz")
     # Python's safe path has no current folder: the sdist's own package is not imported.
-    environment = {**os.environ, "PYTHONSAFEPATH": "1"}
+    environment = {**os.environ, **_ONE_THREAD, "PYTHONSAFEPATH": "1"}
     environment.pop("PYTHONPATH", None)
     told = subprocess.run(
-        [python, "-c", WHERE], cwd=source, env=environment, check=True, capture_output=True
+        [python, "-c", _WHERE], cwd=source, env=environment, check=True, capture_output=True
     )
     if told.stdout.split() != [b"True"]:
         sys.exit("the tests would not run on the installed package")
     _run([python.with_name("drake-gait"), "--version"], cwd=source, env=environment)
-    tests = [python, "-m", "pytest", "-m", "not slow", *arguments]
-    _run(tests, cwd=source, env=environment)
+    tests = ["--numprocesses", "logical", "--dist", "loadgroup", "-m", "not slow", *arguments]
+    _run([python, "-m", "pytest", *tests], cwd=source, env=environment)
 
 
 def main() -> None:
