@@ -4,21 +4,22 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 ARGS ?=
+PYTEST = $(BIN)/python -m pytest --numprocesses logical --dist loadgroup
 
 # One thread in each of the processes that walk: more only slow each other down.
 export OPENBLAS_NUM_THREADS = 1
 export OMP_NUM_THREADS = 1
 
-.PHONY: walk test quick lint types docs clean
+.PHONY: walk test quick lint types docs release-check clean
 
 walk: $(VENV)/.installed  ## install, and run the default study (ARGS="--seed 1" and so on)
 	$(BIN)/python -m drake_gait.optimize $(ARGS)
 
 test: $(VENV)/.installed-dev  ## install, and run all tests
-	$(BIN)/python -m pytest $(ARGS)
+	$(PYTEST) $(ARGS)
 
 quick: $(VENV)/.installed-dev  ## the tests that take seconds
-	$(BIN)/python -m pytest -m "not slow" $(ARGS)
+	$(PYTEST) -m "not slow" $(ARGS)
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff format --check .
@@ -29,6 +30,9 @@ types: $(VENV)/.installed-dev
 
 docs: $(VENV)/.installed-docs  ## build/docs/index.html; a warning is an error
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet docs build/docs
+
+release-check: $(VENV)/.installed-dev  ## dist/: a wheel and an sdist that pass the quick tests
+	$(BIN)/python tools/check_release.py
 
 $(VENV)/bin/python:
 	@$(PYTHON) -c "import sys; sys.version_info >= (3, 11) or sys.exit('Python 3.11 or later is needed: make PYTHON=python3.11')"

@@ -1,4 +1,6 @@
 import dataclasses
+import signal
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -29,6 +31,27 @@ from drake_gait.walk import Measures, Outcome, Walk
 # A law is no race: other processes may hold the machine while an example runs.
 hypothesis_settings.register_profile("laws", deadline=None, max_examples=40)
 hypothesis_settings.load_profile("laws")
+
+# In the background of a shell, or under nohup, these would be ignored by all that the tests start.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+SHARED_FIXTURE = "finished_run"
+"""A fixture that takes a minute, and that tests of several files share."""
+
+SHARED_IN_A_FILE = {"corrected", "found", "learnt", "network", "reference", "running", "whole"}
+"""Fixtures that take seconds, and that tests of one file share."""
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Have one process run all tests that share a fixture, where several processes run them."""
+    for item in items:
+        used = set(item.fixturenames)
+        if SHARED_FIXTURE in used:
+            item.add_marker(pytest.mark.xdist_group(SHARED_FIXTURE))
+        elif used & SHARED_IN_A_FILE:
+            item.add_marker(pytest.mark.xdist_group(item.path.stem))
 
 
 DESCRIPTION = {
@@ -62,6 +85,14 @@ for number in range(100_000):
     time.sleep(float(sys.argv[2]))
 """
 """A driver that adds walks to the file of its first argument, a time [s] apart, and tells each."""
+
+
+def free_port() -> int:
+    """A port that nobody has; the first free one is for whoever comes first."""
+    with socket.socket() as bound:
+        bound.bind(("localhost", 0))
+        return int(bound.getsockname()[1])
+
 
 OWN_MOUNTS = ["unshare", "--map-root-user", "--mount"]
 """What a command begins with that is to have mounts of its own."""

@@ -1,6 +1,7 @@
 """The layers of the package and the walls around its libraries, as CONTRIBUTING.md draws them."""
 
 import ast
+import functools
 import graphlib
 import sys
 from pathlib import Path
@@ -71,6 +72,7 @@ def module(path: Path) -> str:
     return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
 
 
+@functools.cache
 def imports(path: Path, *, typing: bool = True) -> set[str]:
     """Names of all modules that a file imports, with what is taken from them."""
     found = set()

@@ -31,7 +31,11 @@ def name(page):
 
 def snippets():
     return [
-        pytest.param(text, id=f"{name(page)}-{number}")
+        pytest.param(
+            text,
+            id=f"{name(page)}-{number}",
+            marks=[pytest.mark.slow] if "run_study(" in text else [],
+        )
         for page in PAGES
         for number, text in enumerate(SNIPPET.findall(page.read_text(encoding="utf-8")))
     ]

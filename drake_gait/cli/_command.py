@@ -9,6 +9,7 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any, TextIO, cast
 
 from drake_gait.cli._signals import exit_status, signals_ignored, sigterm_interrupts
@@ -43,6 +44,19 @@ def conduct(work: Callable[[], None], *, stopped: str = "stopped", searches: boo
             _say(f"error: cannot write to standard output: {output.lost}")
             return FAILED
         return status
+
+
+def require_studies(folders: Iterable[Path]) -> None:
+    """Refuse folders that hold no study, before the imports that take seconds.
+
+    Raises:
+        StudyError: names the folder.
+    """
+    from drake_gait.study.store import Study
+
+    for folder in folders:
+        with Study.open(folder / "study.db"):
+            pass
 
 
 def _status_of(work: Callable[[], None]) -> int:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from pydrake.geometry import Meshcat
 
 from drake_gait.errors import StudyError
-from drake_gait.files.destination import check, messages
+from drake_gait.files.destination import messages
 from drake_gait.files.shipped import find
 from drake_gait.report.result import in_words
 from drake_gait.search.confirmation import walked_as
@@ -34,7 +34,6 @@ def work(options: "Options") -> None:
     if options.out is None:
         _watch(options.folder, options.walk, options.port)
         return
-    check(options.out, what="the recording ")  # Before anything walks.
     if options.gallery is None and not options.rigid_toes:
         _replay(options.folder, options.walk, options.out)
     else:

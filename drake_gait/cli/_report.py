@@ -3,30 +3,22 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from drake_gait.files.destination import check, messages
-from drake_gait.files.shipped import find
+from drake_gait.files.destination import messages
 from drake_gait.report.build import write_report
 from drake_gait.report.page import Run, write_comparison_page
 from drake_gait.report.study_result import read_result
 from drake_gait.study.store import Study
 
 
-def work(folders: Sequence[Path], out: Path | None) -> None:
-    """Remake the page of one study, or compare several."""
-    if len(folders) == 1:
-        _remake(folders[0])
-    else:
-        _compare(folders, out or Path("comparison.html"))
-
-
-def _remake(folder: Path) -> None:
+def remake(folder: Path) -> None:
+    """Remake the page of one study."""
     write_report(folder)
     print(folder / "report.html")
 
 
-def _compare(folders: Sequence[Path], out: Path) -> None:
-    check(out, what="the report ")
-    write_comparison_page([_run(find(folder)) for folder in folders], out)
+def compare(folders: Sequence[Path], out: Path) -> None:
+    """Write a page with several studies side by side."""
+    write_comparison_page([_run(folder) for folder in folders], out)
     print(out, file=messages(out))
 
 

@@ -8,12 +8,10 @@ import time
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from drake_gait.errors import StudyError
 from drake_gait.execution.machine import DRIVER_MEMORY, WORKER_MEMORY, default_workers
 from drake_gait.execution.parent import GRACE, Lifeline
-from drake_gait.files.shipped import find
 from drake_gait.optimization import is_finished
 from drake_gait.study._lock import driver_lock, is_driven
 from drake_gait.study._toml import as_toml
@@ -27,13 +25,9 @@ from drake_gait.sweep.results import (
     table,
     write_results,
 )
-from drake_gait.sweep.settings import PlannedStudy, Sweep, read_sweep
+from drake_gait.sweep.settings import PlannedStudy, Sweep
 from drake_gait.visualization import study as study_figures
 from drake_gait.visualization import sweep as sweep_figures
-
-if TYPE_CHECKING:
-    from drake_gait.cli.sweep import Options
-
 
 _POLLING = 0.2  # Time between two looks at the studies that run [s].
 _STOPPING = 60.0  # What a study may take to stop [s].
@@ -43,17 +37,22 @@ _LONGEST_WORD = 300  # Of the last line that a study said, so much is repeated.
 _ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
 
-def work(options: "Options") -> None:
-    """Do what the command line says."""
-    sweep = read_sweep(find(options.sweep), options.out)
-    out = options.out or Path("runs") / sweep.name
+def work(sweep: Sweep, out: Path, workers: int | None) -> None:
+    """Run a sweep in a folder.
+
+    Args:
+        sweep: What is to be run.
+        out: The sweep's folder.
+        workers: Studies beside each other, or processes that walk a grid; as many as there is room
+            and work for if None.
+    """
     with driver_lock(out / "sweep"):
         if sweep.grid is not None:
             room = default_workers(len(places(sweep.grid)))
-            print(run_grid(sweep.grid, out, options.workers or room))
+            print(run_grid(sweep.grid, out, workers or room))
             return
         room = default_workers(len(sweep.studies), memory=DRIVER_MEMORY + WORKER_MEMORY)
-        _run_studies(sweep, out, options.workers or room)
+        _run_studies(sweep, out, workers or room)
         _write_results(sweep, out)
 
 

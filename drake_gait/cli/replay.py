@@ -11,8 +11,10 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
-from drake_gait.cli._command import conduct
+from drake_gait.cli._command import conduct, require_studies
 from drake_gait.cli._signals import importing
+from drake_gait.files.destination import check
+from drake_gait.files.shipped import find
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -73,6 +75,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _work(options: Options) -> None:
-    with importing():  # What a usage error needs not wait for.
+    if options.out is not None:
+        check(options.out, what="the recording ")
+    require_studies(find(folder) for folder in (options.folder, *(options.gallery or [])))
+    with importing():  # What a wrong input needs not wait for.
         from drake_gait.cli import _replay
     _replay.work(options)

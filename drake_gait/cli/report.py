@@ -8,8 +8,10 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from drake_gait.cli._command import conduct
+from drake_gait.cli._command import conduct, require_studies
 from drake_gait.cli._signals import importing
+from drake_gait.files.destination import check
+from drake_gait.files.shipped import find
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -37,6 +39,16 @@ def _parse(arguments: Sequence[str] | None) -> tuple[list[Path], Path | None]:
 
 
 def _work(folders: Sequence[Path], out: Path | None) -> None:
-    with importing():  # What a usage error needs not wait for.
+    if len(folders) == 1:
+        require_studies(folders)
+        with importing():  # What a wrong input needs not wait for.
+            from drake_gait.cli import _report
+        _report.remake(folders[0])
+        return
+    out = out or Path("comparison.html")
+    check(out, what="the report ")
+    found = [find(folder) for folder in folders]
+    require_studies(found)
+    with importing():
         from drake_gait.cli import _report
-    _report.work(folders, out)
+    _report.compare(found, out)

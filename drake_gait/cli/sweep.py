@@ -13,6 +13,8 @@ from pathlib import Path
 
 from drake_gait.cli._command import conduct
 from drake_gait.cli._signals import importing
+from drake_gait.files.shipped import find
+from drake_gait.sweep.settings import read_sweep
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,6 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _work(options: Options) -> None:
-    with importing():  # What a usage error needs not wait for.
+    sweep = read_sweep(find(options.sweep), options.out)
+    with importing():  # What a wrong input needs not wait for.
         from drake_gait.cli import _sweep
-    _sweep.work(options)
+    _sweep.work(sweep, options.out or Path("runs") / sweep.name, options.workers)

@@ -257,28 +257,55 @@ def test_a_help_names_what_an_option_takes(name, capsys):
             assert option in shown
 
 
-HEAVY = {"torch", "matplotlib", "pydrake", "scipy", "sklearn", "cmaes", "distributed"}
+HEAVY = {"torch", "matplotlib", "pydrake", "scipy", "sklearn", "cmaes", "distributed", "rich"}
 
+LIGHT = [
+    ["--version"],
+    ["--help"],
+    ["optimise"],
+    *([name, option] for name in front_door.COMMANDS for option in ("--help", "--no-such-option")),
+    ["optimize", "none.toml"],
+    ["optimize", "--seed", "-1"],
+    ["sweep", "none.toml"],
+    ["sweep", "none.toml", "--workers", "0"],
+    ["report", "none"],
+    ["report", "none", "none"],
+    ["report", "studies/best", "studies/best", "--out", "none/file"],
+    ["replay", "none", "--live"],
+    ["replay", "studies/best", "--out", "none/file"],
+    ["replay", "studies/best", "--out", "-", "--gallery", "none"],
+    ["studies", "show", "none"],
+    ["export", "none", "--csv", "-"],
+    ["export", "none", "--optuna", "sqlite://"],
+]
+"""Command lines that are answered at once: help, and what is wrong with an argument."""
 
-@pytest.mark.parametrize(
-    "words",
-    [["--version"], ["--help"], ["optimise"], *([name, "--help"] for name in front_door.COMMANDS),
-     *([name, "--no-such-option"] for name in front_door.COMMANDS), ["optimize", "no-such.toml"],
-     ["optimize", "--seed", "-1"], ["sweep", "x.toml", "--workers", "0"]],
-    ids=" ".join,
-)  # fmt: skip
-def test_help_and_usage_errors_wait_for_no_heavy_library(words):
-    code = f"""
+LOADS = """
 import sys
 from drake_gait.__main__ import main
-try:
-    main({words!r})
-except SystemExit:
-    pass
-print(sorted({HEAVY!r} & set(sys.modules)), file=sys.stderr)
+
+commands, heavy = eval(sys.argv[1])
+for words in commands:
+    try:
+        status = main(words)
+    except SystemExit as ended:
+        status = ended.code
+    print(words, status, sorted(heavy & set(sys.modules)), sep="|", file=sys.__stderr__)
 """
-    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert ended.stderr.splitlines()[-1] == "[]"
+
+
+def test_help_and_wrong_arguments_wait_for_no_heavy_library(tmp_path):
+    ended = subprocess.run(
+        [sys.executable, "-c", LOADS, repr((LIGHT, HEAVY))],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(Path(drake_gait.__file__).parents[1])},
+    )
+    told = [line.split("|") for line in ended.stderr.splitlines() if line.startswith("[")]
+    answered = {str(words): 0 if {"--version", "--help"} & set(words) else 2 for words in LIGHT}
+    assert told == [[words, str(status), "[]"] for words, status in answered.items()]
 
 
 def test_the_version_is_told_by_the_module_and_by_the_package():

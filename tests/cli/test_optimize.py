@@ -339,25 +339,21 @@ def wait_for_walks(folder, count):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("sent", "status", "walks"), [(signal.SIGINT, 130, 0), (signal.SIGTERM, 143, 5)]
-)
-def test_a_signal_ends_a_study_that_the_same_command_then_finishes(
-    finished_run, tmp_path, sent, status, walks
-):
+def test_signals_end_a_study_that_the_same_command_then_finishes(finished_run, tmp_path):
     folder, _ = finished_run
     arguments = (*TINY, "--workers", "1", "--out", tmp_path)
-    driver = start(*arguments)
-    wait_for_walks(tmp_path, walks)
-    if walks == 0:
-        time.sleep(0.5)  # Its workers are busy with their imports.
-    os.killpg(driver.pid, sent)  # A terminal and a cluster send it to workers too.
-    output, errors = driver.communicate()
-    assert driver.returncode == status
-    assert errors == ""
-    assert "the same command goes on" in output
-    wait_for_end_of_session(driver.pid)  # No worker is left.
-    assert walks <= len(walks_in(tmp_path)) < 24
+    for sent, status, walks in ((signal.SIGINT, 130, 0), (signal.SIGTERM, 143, 5)):
+        driver = start(*arguments)
+        wait_for_walks(tmp_path, walks)
+        if walks == 0:
+            time.sleep(0.5)  # Its workers are busy with their imports.
+        os.killpg(driver.pid, sent)  # A terminal and a cluster send it to workers too.
+        output, errors = driver.communicate()
+        assert driver.returncode == status
+        assert errors == ""
+        assert "the same command goes on" in output
+        wait_for_end_of_session(driver.pid)  # No worker is left.
+        assert walks <= len(walks_in(tmp_path)) < 24
     # One worker, interrupted: the same walks as two workers without.
     again = start(*arguments)
     output, errors = again.communicate()

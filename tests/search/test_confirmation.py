@@ -150,10 +150,17 @@ def confirmed_alone(settings, entry):
     return asked, kept
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def raced(study):
     """A study whose race has room."""
     return dataclasses.replace(study, confirmation=ConfirmationSettings(walks=120))
+
+
+@pytest.fixture(scope="module")
+def whole(raced, tmp_path_factory):
+    """What an undisturbed confirmation asks for, and the study's walks after it."""
+    track = Track(raced)
+    return track.asked, confirmed(raced, tmp_path_factory.mktemp("whole") / "study.db", track)
 
 
 def confirmed(settings, path, track=None, *, lost=()):
@@ -378,24 +385,22 @@ def test_no_walks_switch_the_confirmation_off(raced, path):
 
 
 @pytest.mark.parametrize("walks", [0, 1, 6, 21, 40, 50, 55])
-def test_a_confirmation_that_was_interrupted_ends_with_the_same_walks(raced, tmp_path, walks):
-    whole = Track(raced)
-    expected = confirmed(raced, tmp_path / "whole.db", whole)
-    assert walks < len(whole.asked)
+def test_a_confirmation_that_was_interrupted_ends_with_the_same_walks(raced, whole, path, walks):
+    asked, expected = whole
+    assert walks < len(asked)
     with pytest.raises(Interruption):
-        confirmed(raced, tmp_path / "parted.db", Track(raced, stop_after=walks))
+        confirmed(raced, path, Track(raced, stop_after=walks))
     rest = Track(raced)
-    found = confirmed(raced, tmp_path / "parted.db", rest)
+    found = confirmed(raced, path, rest)
     assert numbers(found) == numbers(expected)
-    assert len(rest.asked) == len(whole.asked) - walks
+    assert len(rest.asked) == len(asked) - walks
     assert winner(raced, found).walk.id == winner(raced, expected).walk.id
 
 
 @pytest.mark.parametrize("workers", [1, 2, 4, 7])
-def test_any_number_of_workers_makes_the_same_walks_however_they_end(raced, tmp_path, workers):
-    expected = confirmed(raced, tmp_path / "one.db")
+def test_any_number_of_workers_makes_the_same_walks_however_they_end(raced, whole, path, workers):
     hurried = Hurried(Track(raced), workers)
-    assert numbers(confirmed(raced, tmp_path / "many.db", hurried)) == numbers(expected)
+    assert numbers(confirmed(raced, path, hurried)) == numbers(whole[1])
 
 
 def test_a_confirmation_that_is_done_walks_nothing_more(raced, path):

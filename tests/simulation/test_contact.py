@@ -290,6 +290,7 @@ def test_a_standing_foot_bears_half_of_the_weight_without_chatter(sole: Sole) ->
     assert walk.measures.clearance == (0.0, 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("foot", [FootDesign(), FootDesign(rigid_toes=True)], ids=["toes", "rigid"])
 def test_all_soles_agree_on_a_walk_and_on_its_loads(foot: FootDesign) -> None:
     walks = [

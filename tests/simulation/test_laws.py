@@ -22,7 +22,7 @@ from drake_gait.simulation.plant import Robot, add_ground, build_robot
 from drake_gait.simulation.plant_config import PlantConfig
 from drake_gait.simulation.simulate import follow, start
 from drake_gait.study.reading import default_study, read_study
-from drake_gait.walk import Fidelity, Integrator
+from drake_gait.walk import Fidelity, Integrator, Walk
 
 STANDING_STILL = np.zeros((FRAMES + 1, len(JOINTS)))
 WEIGHT = 1.5 * 9.81
@@ -46,7 +46,9 @@ def wrapped(angle: float) -> float:
 # --- Standing -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("fidelity", list(Fidelity))
+@pytest.mark.parametrize(
+    "fidelity", [Fidelity.SEARCH, pytest.param(Fidelity.REFERENCE, marks=pytest.mark.slow)]
+)
 def test_a_standing_robot_stays_where_and_as_high_as_it_is(fidelity: Fidelity) -> None:
     walk = follow(STANDING_STILL, settings=WalkSettings(fidelity=fidelity), history=True)
     assert walk.survived
@@ -65,11 +67,15 @@ def test_the_ground_carries_the_weight_of_a_standing_robot() -> None:
     assert history.ground_reaction[:, 0, 2].mean() == pytest.approx(WEIGHT / 2.0, rel=0.02)
 
 
-def test_foot_loads_average_to_the_weight_over_a_walk() -> None:
-    # At reference fidelity: a step of 4 ms that meets an impact reads a peak at its end.
-    walk = simulate(Candidate(gait=MIDDLE), REFERENCE, history=True)
-    assert walk.history is not None
-    vertical = walk.history.ground_reaction[:, :, 2].sum(axis=1)
+@pytest.fixture(scope="module")
+def reference() -> Walk:
+    """A walk at reference fidelity: a step of 4 ms that meets an impact reads a peak at its end."""
+    return simulate(Candidate(gait=MIDDLE), REFERENCE, history=True)
+
+
+def test_foot_loads_average_to_the_weight_over_a_walk(reference: Walk) -> None:
+    assert reference.history is not None
+    vertical = reference.history.ground_reaction[:, :, 2].sum(axis=1)
     # The robot ends at rest as it began: impulse = weight x time.
     assert vertical.mean() == pytest.approx(WEIGHT, rel=0.03)
 
@@ -280,8 +286,8 @@ def test_the_work_of_the_servos_is_the_energy_that_a_free_robot_gains() -> None:
     assert gained == pytest.approx(net, rel=0.03)
 
 
-def test_torque_times_speed_sums_to_the_energy_that_is_reported() -> None:
-    walk = simulate(Candidate(gait=MIDDLE), REFERENCE, history=True)
+def test_torque_times_speed_sums_to_the_energy_that_is_reported(reference: Walk) -> None:
+    walk = reference
     assert walk.history is not None
     assert walk.measures is not None
     power = walk.history.torques * walk.history.speeds

@@ -46,6 +46,7 @@ def test_its_winner_walks_again_as_it_did(committed):
     assert again.lateral == pytest.approx(found.walk.walk.lateral, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("committed", ["reference"], indirect=True)
 def test_the_refined_walk_that_bears_all_noise_is_feasible_at_other_steps_too(committed):
     settings, study, _ = committed

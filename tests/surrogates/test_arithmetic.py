@@ -44,6 +44,12 @@ def expected():
     return everything()
 
 
+@pytest.fixture(scope="module")
+def learnt():
+    """A network with cross-validation and a single one."""
+    return fit(X, Y, SURVIVED, settings=QUICK_NETWORK), fit_single(X, Y, settings=QUICK_NETWORK)
+
+
 def blas_threads():
     libraries = ThreadpoolController().select(user_api="blas").info()
     return [library["num_threads"] for library in libraries]
@@ -190,20 +196,21 @@ def test_fits_in_threads_give_what_they_give_one_after_the_other():
     ],
     ids=["list", "columns", "view", "big endian", "tensor", "generator"],
 )
-def test_numbers_in_every_form_are_learnt_alike(form):
-    network = fit(form(X), form(Y), form(SURVIVED))
-    plain = fit(X, Y, SURVIVED)
+def test_numbers_in_every_form_are_learnt_alike(learnt, form):
+    network = fit(form(X), form(Y), form(SURVIVED), settings=QUICK_NETWORK)
+    plain, plain_single = learnt
     assert network.heldout.tobytes() == plain.heldout.tobytes()
     assert network.predict(form(NEW)).mean.tobytes() == plain.predict(NEW).mean.tobytes()
-    single = fit_single(form(X), form(Y)).predict(form(NEW))
-    assert single.mean.tobytes() == fit_single(X, Y).predict(NEW).mean.tobytes()
+    single = fit_single(form(X), form(Y), settings=QUICK_NETWORK).predict(form(NEW))
+    assert single.mean.tobytes() == plain_single.predict(NEW).mean.tobytes()
 
 
 def test_single_precision_is_learnt_as_the_numbers_that_it_holds():
     x, y, new = (array.astype(np.float32) for array in (X, Y, NEW))
     doubled = everything(*(array.astype(np.float64) for array in (x, y)), SURVIVED, NEW)
     assert everything(x, y, SURVIVED, NEW) == doubled
-    assert fit(x, y, SURVIVED).predict(new).mean.dtype == np.float64
+    network = fit(x, y, SURVIVED, settings=QUICK_NETWORK)
+    assert network.predict(new).mean.dtype == np.float64
 
 
 def test_numbers_that_may_not_be_written_are_learnt_without_a_warning(expected):
@@ -215,7 +222,7 @@ def test_numbers_that_may_not_be_written_are_learnt_without_a_warning(expected):
 
 def test_what_is_learnt_from_may_change_afterwards():
     x, y, survived = X.copy(), Y.copy(), SURVIVED.copy()
-    network = fit(x, y, survived)
+    network = fit(x, y, survived, settings=QUICK_NETWORK)
     x[:], y[:], survived[:] = 0.0, 0.0, False
     assert network.x.tolist() == X.tolist()
     assert network.targets.tolist() == Y[SURVIVED].tolist()
@@ -226,7 +233,7 @@ def test_a_walk_that_left_no_number_is_not_learnt_but_has_survived(endless):
     outputs = Y.copy()
     lost = np.flatnonzero(SURVIVED)[[0, 7]]
     outputs[lost, 1] = endless
-    network = fit(X, outputs, SURVIVED)
+    network = fit(X, outputs, SURVIVED, settings=QUICK_NETWORK)
     assert np.isfinite(network.predict(NEW).mean).all()
     assert len(network.targets) == SURVIVED.sum() - 2
     assert network.survived.tolist() == SURVIVED.tolist()
@@ -259,8 +266,8 @@ def test_what_cannot_be_learnt_is_refused_with_what_is_wrong(wrong, words):
 
 
 @pytest.mark.parametrize("new", [NEW[0], NEW[:, :4], "x", NEW[:, :, None], None])
-def test_points_of_another_shape_are_refused(new):
-    for network in (fit(X, Y, SURVIVED), fit_single(X, Y)):
+def test_points_of_another_shape_are_refused(learnt, new):
+    for network in learnt:
         with pytest.raises(SettingsError, match="x must be"):
             network.predict(new)
 

@@ -399,6 +399,7 @@ def test_ctrl_c_stops_the_studies_that_run(write, tmp_path, capsys, monkeypatch)
     assert "the same command goes on" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_study_that_is_refused_ends_the_sweep_with_its_reason(write, tmp_path, capsys):
     text = SWEEP.replace("[common]", '[common]\nwalk.model = "none.sdf"')
     assert main([str(write(text)), "--workers", "1", "--out", str(tmp_path / "out")]) == 2

@@ -77,7 +77,7 @@ from pathlib import Path
 warnings.simplefilter("error")
 from drake_gait.cli._signals import begin
 begin()
-from drake_gait.visualization import sweep as sweep_figures, walk as walk_figures
+from drake_gait.visualization import sweep as sweep_figures
 from drake_gait.visualization.style import save_picture
 from drake_gait.visualization.rasterizer import Picture
 import inspect, numpy
@@ -90,19 +90,25 @@ save_picture(Picture(**{**fields, "pixels": pixels}), folder / "picture.png")
 """
 
 
-@pytest.mark.parametrize("backend", ["nonsense", "module://none", "qtagg", ""])
-def test_a_user_s_matplotlibrc_and_backend_change_no_figure(tmp_path: Path, backend: str) -> None:
-    (tmp_path / "matplotlibrc").write_text(ODD)
+def drawn(folder: Path, **environment: str) -> dict[str, bytes]:
+    """Figures that a fresh Python draws with these settings of matplotlib: names and contents."""
+    folder.mkdir()
     plain = {name: text for name, text in os.environ.items() if not name.startswith("MPL")}
-    odd = {**plain, "MATPLOTLIBRC": str(tmp_path / "matplotlibrc"), "MPLBACKEND": backend}
-    for name, environment in (("plain", plain), ("odd", odd)):
-        (tmp_path / name).mkdir()
-        command = [sys.executable, "-c", DRAWING, str(tmp_path / name)]
-        subprocess.run(command, check=True, env=environment)
-    files = sorted(path.name for path in (tmp_path / "plain").iterdir())
-    assert files == ["grid.png", "grid.svg", "picture.png", "variants.png", "variants.svg"]
-    for name in files:
-        assert (tmp_path / "plain" / name).read_bytes() == (tmp_path / "odd" / name).read_bytes()
+    command = [sys.executable, "-c", DRAWING, str(folder)]
+    subprocess.run(command, check=True, env=plain | environment)
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_a_user_s_matplotlibrc_and_backend_change_no_figure(tmp_path: Path) -> None:
+    (tmp_path / "matplotlibrc").write_text(ODD)
+    plain = drawn(tmp_path / "plain")
+    names = ["grid.png", "grid.svg", "picture.png", "variants.png", "variants.svg"]
+    assert sorted(plain) == names
+    for number, backend in enumerate(["nonsense", "module://none", "qtagg", ""]):
+        odd = drawn(
+            tmp_path / str(number), MATPLOTLIBRC=str(tmp_path / "matplotlibrc"), MPLBACKEND=backend
+        )
+        assert odd == plain, backend
 
 
 @pytest.mark.parametrize("name", ["$x_{$", "a$b", "\\frac", "𝒱🤖", "größe & <b>", "%", "#"])
