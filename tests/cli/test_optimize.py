@@ -239,8 +239,8 @@ def test_a_study_prints_its_progress_and_a_table_beside_the_paper_s(finished_run
     folder, output = finished_run
     assert "study paper, seed 0: 24 walks" in output
     assert re.search(r"walks \d+/24 +survivors \d+ +feasible \d+ +best feasible .* left", output)
-    assert "the paper (Table II)" in output
-    assert len(re.findall(r"F\d +-?\d+\.\d{3} +\d+\.\d\d", output)) == 8
+    assert "those of the paper, Table II" in output
+    assert len(re.findall(r"F\d +-?\d+\.\d\d +\d+\.\d\d +-?\d+\.\d\d +240\n", output)) == 8
     assert str(folder) in output.splitlines()[-1]
 
 

@@ -65,12 +65,23 @@ def test_walks_are_said_to_be_proposed_by_what_proposed_them(entry, study, mode)
     assert ("CMA-ES" in names) == (mode is Mode.CMAES)
 
 
-def test_the_paper_s_best_stands_beside_ours(entry):
-    rows = report_tables.beside_the_paper([entry], Constraints()).rows
-    assert list(rows[0]) == ["1", "0", "−3.33", "133.33", "1.86", "240",
-                             "F8", "0.04", "177.96", "1.20", "240"]  # fmt: skip
-    assert list(rows[1][1:6]) == ["–"] * 5
-    assert len(rows) == 8
+def test_the_furthest_feasible_walks_stand_beside_the_paper_s_eight(entry):
+    walks = [
+        dataclasses.replace(
+            entry, id=place, walk=dataclasses.replace(entry.walk, forward=0.1 + place / 100)
+        )
+        for place in range(12)
+    ]
+    walks.append(fell(entry, 12, 100))
+    rows = report_tables.beside_the_paper(walks, Constraints()).rows
+    assert [row[1] for row in rows] == ["11", "10", "9", "8", "7", "6", "5", "4"]
+    assert list(rows[0]) == [
+        *("1", "11", "−3.33", "210.00", "1.86", "240"),
+        *("F8", "0.04", "177.96", "1.20", "240"),
+    ]
+    alone = report_tables.beside_the_paper(walks[-1:], Constraints()).rows
+    assert [row[6] for row in alone] == ["F8", "F7", "F6", "F5", "F4", "F3", "F2", "F1"]
+    assert {cell for row in alone for cell in row[1:6]} == {"–"}
 
 
 def test_finalists_are_listed_and_the_winner_is_marked():
