@@ -9,7 +9,7 @@ import itertools
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -185,7 +185,7 @@ def run_study(
         if "finished" in study.description():
             pass
         elif executor is not None:
-            bound = _OnRobot(executor, robot_of(study).for_walks())
+            bound = OnRobot(executor, robot_of(study).for_walks())
             search_study(settings, study, bound, tell, proposer=proposer)
         else:
             count = workers or default_workers(useful_workers(settings, proposer))
@@ -217,10 +217,17 @@ def search_study(
     Raises:
         WorkerError: no worker is left; what was simulated is safe.
     """
+    with to_its_end(study, executor):
+        search(settings, study, executor.run, progress, proposer=proposer)
+
+
+@contextmanager
+def to_its_end(study: Study, executor: Executor) -> Iterator[None]:
+    """Add up a study's time on the clock and deaths of workers; mark it as finished at the end."""
     started, before = time.monotonic(), study.description()
     deaths, earlier = Counter(before.get("worker_deaths", {})), Counter(executor.deaths)
     try:
-        search(settings, study, executor.run, progress, proposer=proposer)
+        yield
     finally:
         study.set("worker_deaths", deaths + (Counter(executor.deaths) - earlier))
         study.set("wall_s", before.get("wall_s", 0.0) + time.monotonic() - started)
@@ -249,7 +256,7 @@ def workers_of(
     return DaskCluster(walk, dask, count=count, time_limit=limit)
 
 
-class _OnRobot:
+class OnRobot:
     """An executor whose trials carry the robot that a study keeps, whatever became of its file."""
 
     def __init__(self, executor: Executor, model: RobotModel) -> None:
@@ -257,9 +264,11 @@ class _OnRobot:
 
     @property
     def deaths(self) -> Mapping[str, int]:
+        """Return how workers died, and how often."""
         return self._executor.deaths
 
     def run(self, trials: Sequence[Trial]) -> Iterator[Finished]:
+        """Start to walk all trials; yield each as it finishes."""
         return self._executor.run(
             [
                 replace(trial, settings=replace(trial.settings, model=self._model))

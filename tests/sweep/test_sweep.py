@@ -309,16 +309,15 @@ def test_where_a_test_can_tell_nothing_there_is_no_probability(distances):
     ]
     toes, rigid = found = summaries(rows, ("toes", "rigid"))
     assert toes.p_values == rigid.p_values == {}
-    assert re.search(r"rigid .* - +-$", table(found))
+    assert table(found).rows[1][-2:] == ["-", "-"]
 
 
 def test_the_table_has_a_line_for_each_variant(rows):
-    lines = table(summaries(rows, ("toes", "rigid", "wide"))).split("\n")
-    assert len(lines) == 4
-    assert re.search(
-        r"rigid +2/2 +2/2 +325\.0 \(310\.0 to 340\.0\) +265\.0 .* 0\.667 +0\.667$", lines[2]
-    )
-    assert re.search(r"wide +0/2 +0/2( +-){8}$", lines[3])
+    _, rigid, wide = table(summaries(rows, ("toes", "rigid", "wide"))).rows
+    assert rigid[:4] == ["rigid", "2/2", "2/2", "325.0 (310.0 to 340.0)"]
+    assert rigid[4].startswith("265.0 ")
+    assert rigid[-2:] == ["0.667", "0.667"]
+    assert wide == ["wide", "0/2", "0/2", *["-"] * 8]
 
 
 def test_both_files_hold_every_study(write, rows, tmp_path):
