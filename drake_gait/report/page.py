@@ -27,6 +27,7 @@ from drake_gait.study.finalists import shuffles
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
 from drake_gait.study.toml import DEFAULT_NAME, written_study_toml
+from drake_gait.visualization import palette
 
 FIGURES = "figures"
 """Folder of the figures, in a study's folder."""
@@ -174,6 +175,7 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.globals["palette"] = palette
     environment.filters["number"] = number
     environment.filters["scaled"] = scaled
     environment.filters["quoted"] = lambda path: shlex.quote(str(path))

@@ -14,19 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from drake_gait.errors import SettingsError
 from drake_gait.gait import FloatArray
 from drake_gait.surrogates.sensitivity import Sensitivity
-from drake_gait.visualization.style import (
-    BLUE,
-    COLUMN,
-    GREEN,
-    GREY,
-    INK,
-    PAGE,
-    SKY,
-    VERMILION,
-    new_figure,
-    save_figure,
-    style,
-)
+from drake_gait.visualization.palette import BLUE, GREEN, GREY, INK, SHADE, SKY, VERMILION
+from drake_gait.visualization.style import COLUMN, PAGE, new_figure, save_figure, style
 
 _MANY = 400  # walks, from which on their marks are smaller
 _MAP = "cividis"  # even in lightness, and alike for all kinds of colour vision
@@ -183,7 +172,7 @@ def parallel_coordinates(
     with style():
         figure = new_figure(PAGE, 3.0)
         axes = figure.subplots()
-        axes.axhspan(-1.0, 1.0, color="#eef0f3", zorder=0)
+        axes.axhspan(-1.0, 1.0, color=SHADE, zorder=0)
         axes.add_collection(
             LineCollection(list(lines[~holds]), colors=GREY, linewidths=0.4, alpha=0.25)
         )
@@ -193,7 +182,7 @@ def parallel_coordinates(
         axes.plot(place, np.asarray(best), "o-", color=VERMILION, linewidth=1.6, markersize=3.5,
                   label=label)  # fmt: skip
         axes.plot([], [], color=GREY, linewidth=0.8, label="not feasible")
-        axes.fill_between([], [], color="#eef0f3", label="box of the samples")
+        axes.fill_between([], [], color=SHADE, label="box of the samples")
         if len(order):
             figure.colorbar(coloured, ax=axes, label="distance of feasible walks [mm]", pad=0.01)
         reach = 1.08 * max(1.0, float(np.abs(points).max(initial=0.0)))
@@ -262,5 +251,5 @@ def _identity(shared: Sequence[Axes]) -> None:
     low = min(shared[0].get_xlim()[0], shared[0].get_ylim()[0])
     high = max(shared[0].get_xlim()[1], shared[0].get_ylim()[1])
     for axes in shared:
-        axes.plot([low, high], [low, high], color="black", linewidth=0.7, zorder=0)
+        axes.plot([low, high], [low, high], color=INK, linewidth=0.7, zorder=0)
         axes.set(xlim=(low, high), ylim=(low, high), aspect="equal")

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from drake_gait.visualization.style import BLUE, COLUMN, VERMILION, new_figure, save_figure, style
+from drake_gait.visualization.palette import BLUE, VERMILION
+from drake_gait.visualization.style import COLUMN, new_figure, save_figure, style
 
 _MAP = "cividis"  # even in lightness, and alike for all kinds of colour vision
 

@@ -12,15 +12,12 @@ from numpy.typing import NDArray
 from drake_gait.errors import SettingsError
 from drake_gait.gait import ANGULAR_VELOCITY, CYCLE_TIME, FRAME_TIME, JOINTS, WAVEFORMS, FloatArray
 from drake_gait.visualization import human
+from drake_gait.visualization.palette import COM, GREY, INK, SIDES
 from drake_gait.visualization.rasterizer import Picture
 from drake_gait.visualization.style import (
     COLUMN,
-    COM,
     GAIT_PHASES,
-    GREY,
-    INK,
     PAGE,
-    SIDES,
     new_figure,
     save_figure,
     style,
