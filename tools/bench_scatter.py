@@ -59,8 +59,10 @@ def main() -> None:
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN", help="folder of a study")
     names = [field.name for field in fields(Measures)]
     studies = []
-    print("| study | candidates | Z mm | range of X mm | of yaw deg | yaw swing deg | slip mm "
-          "| tilt deg | peak reaction |\n|---|---|---|---|---|---|---|---|---|")  # fmt: skip
+    print(
+        "| study | candidates | Z mm | range of X mm | of yaw deg | yaw swing deg | slip mm "
+        "| tilt deg | peak reaction |\n|---|---|---|---|---|---|---|---|---|"
+    )
     for run in parser.parse_args().runs:
         ranges, scatter, measures = scattered(run)
         studies.append((scatter, measures))

@@ -132,11 +132,23 @@ def draw(found: dict[tuple[int, str], Array], path: Path) -> None:
         for name in NAMES:
             rows = [found[count, name][:, column] for count in counts]
             middle = [np.median(row) for row in rows]
-            (line,) = axes.plot(counts, middle, marker="o", markersize=3, label=name,
-                                linewidth=2.2 if name == "network" else 1.2)  # fmt: skip
+            (line,) = axes.plot(
+                counts,
+                middle,
+                marker="o",
+                markersize=3,
+                label=name,
+                linewidth=2.2 if name == "network" else 1.2,
+            )
             if name == "network":
-                axes.fill_between(counts, [row.min() for row in rows], [row.max() for row in rows],
-                                  color=line.get_color(), alpha=0.15, linewidth=0)  # fmt: skip
+                axes.fill_between(
+                    counts,
+                    [row.min() for row in rows],
+                    [row.max() for row in rows],
+                    color=line.get_color(),
+                    alpha=0.15,
+                    linewidth=0,
+                )
         axes.set(xscale="log", xlabel="walks simulated", title=COLUMNS[column])
         axes.set_ylim((0.5, 1.0) if column == 3 else (-0.1, 1.0))
         axes.set_xticks(counts, [str(count) for count in counts], minor=False, fontsize=7)

@@ -130,11 +130,19 @@ def shots(
         path = Path(folder) / "walk.html"
         path.write_text(page.replace("</body>", script + "</body>"), encoding="utf-8")
         command = [
-            browser(), "--headless", "--no-sandbox", "--use-angle=swiftshader",
-            "--enable-unsafe-swiftshader", "--disable-background-networking", "--disable-sync",
-            "--no-first-run", f"--user-data-dir={folder}/profile",
-            "--virtual-time-budget=10000", "--dump-dom", path.as_uri(),
-        ]  # fmt: skip
+            browser(),
+            "--headless",
+            "--no-sandbox",
+            "--use-angle=swiftshader",
+            "--enable-unsafe-swiftshader",
+            "--disable-background-networking",
+            "--disable-sync",
+            "--no-first-run",
+            f"--user-data-dir={folder}/profile",
+            "--virtual-time-budget=10000",
+            "--dump-dom",
+            path.as_uri(),
+        ]
         document = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     found = re.findall(r'<img class="shot" src="data:image/png;base64,([^"]+)"', document)
     if len(found) != len(times):
@@ -170,8 +178,14 @@ def save_strip(page: str, history: History, path: Path) -> None:
         for axes, picture, (time, phase) in zip(panels, pictures, GAIT_PHASES, strict=True):
             axes.imshow(picture, interpolation="lanczos")
             axes.set_axis_off()
-            axes.text(0.5, -0.02, f"{time:.1f} s\n{phase}", transform=axes.transAxes,
-                      ha="center", va="top")  # fmt: skip
+            axes.text(
+                0.5,
+                -0.02,
+                f"{time:.1f} s\n{phase}",
+                transform=axes.transAxes,
+                ha="center",
+                va="top",
+            )
         buffer = io.BytesIO()
         figure.savefig(buffer, dpi=200)
     few_colours(Image.open(buffer)).save(path, optimize=True)
@@ -183,9 +197,14 @@ def save_film(page: str, history: History, path: Path) -> None:
     targets = camera_targets(history, times, glides=True)
     first, *others = shots(page, times, targets, FILM_VIEW, FILM_SIZE)
     first.save(
-        path, save_all=True, append_images=others, loop=0, quality=50, method=4,
+        path,
+        save_all=True,
+        append_images=others,
+        loop=0,
+        quality=50,
+        method=4,
         duration=round(1e3 * FILM_EVERY * FRAME_TIME),
-    )  # fmt: skip
+    )
 
 
 def main() -> None:

@@ -363,8 +363,10 @@ def checked_walks(
             raise SettingsError(f"{name} must be {shape} in shape, got {array.shape}")
     for name, array in (("outputs", values), ("survived", alive)):
         if len(array) != len(points):
-            raise SettingsError(f"{name} must have a row for each of {len(points)} walks in x, "
-                                f"got {array.shape} in shape")  # fmt: skip
+            raise SettingsError(
+                f"{name} must have a row for each of {len(points)} walks in x, "
+                f"got {array.shape} in shape"
+            )
     if alive.ndim != 1 or not np.isin(alive, (0.0, 1.0)).all():
         raise SettingsError("survived must be (n,) in shape, each True or False")
     _refuse_infinite("x", points)

@@ -211,8 +211,12 @@ def test_the_front_door_refuses_what_is_no_command_with_the_nearest(capsys, name
 def run(*arguments, **options):
     return subprocess.run(
         [sys.executable, "-m", *map(str, arguments)],
-        check=False, capture_output=True, text=True, errors="replace", **options,
-    )  # fmt: skip
+        check=False,
+        capture_output=True,
+        text=True,
+        errors="replace",
+        **options,
+    )
 
 
 def test_a_command_runs_as_a_module_and_as_a_program_alike(tmp_path):
@@ -262,11 +266,18 @@ HEAVY = {"torch", "matplotlib", "pydrake", "scipy", "sklearn", "cmaes", "distrib
 
 @pytest.mark.parametrize(
     "words",
-    [["--version"], ["--help"], ["optimise"], *([name, "--help"] for name in front_door.COMMANDS),
-     *([name, "--no-such-option"] for name in front_door.COMMANDS), ["optimize", "no-such.toml"],
-     ["optimize", "--seed", "-1"], ["sweep", "x.toml", "--workers", "0"]],
+    [
+        ["--version"],
+        ["--help"],
+        ["optimise"],
+        *([name, "--help"] for name in front_door.COMMANDS),
+        *([name, "--no-such-option"] for name in front_door.COMMANDS),
+        ["optimize", "no-such.toml"],
+        ["optimize", "--seed", "-1"],
+        ["sweep", "x.toml", "--workers", "0"],
+    ],
     ids=" ".join,
-)  # fmt: skip
+)
 def test_help_and_usage_errors_wait_for_no_heavy_library(words):
     code = f"""
 import sys

@@ -190,9 +190,15 @@ def test_a_study_that_cannot_be_read_is_one_line_and_hides_no_other(
 
 @pytest.mark.parametrize(
     "result",
-    ["[1]", "{", '{"simulations": 6, "r2_heldout": [1]}', '{"simulations": 6, "r2_heldout": 0}',
-     '{"simulations": 6, "r2_heldout": {"yaw": "good"}}', "\xff"],
-)  # fmt: skip
+    [
+        "[1]",
+        "{",
+        '{"simulations": 6, "r2_heldout": [1]}',
+        '{"simulations": 6, "r2_heldout": 0}',
+        '{"simulations": 6, "r2_heldout": {"yaw": "good"}}',
+        "\xff",
+    ],
+)
 def test_a_result_that_is_none_is_left_out(make, capsys, tmp_path, result):
     make().close()
     (tmp_path / "one" / "result.json").write_text(result, encoding="latin-1")

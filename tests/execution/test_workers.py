@@ -210,8 +210,10 @@ def log_of_times(folder, candidate):
 def test_a_walk_whose_worker_died_is_walked_again_alone(tmp_path):
     with LocalProcesses(functools.partial(log_of_times, str(tmp_path)), count=3) as processes:
         assert len(list(processes.run(candidates(8)))) == 8
-    times = {int(path.stem): tuple(map(float, path.read_text().split()))
-             for path in tmp_path.glob("*.times")}  # fmt: skip
+    times = {
+        int(path.stem): tuple(map(float, path.read_text().split()))
+        for path in tmp_path.glob("*.times")
+    }
     for again in (0, 2, 4, 6):
         start, end = times.pop(again)
         assert all(others[1] <= start or end <= others[0] for others in times.values())

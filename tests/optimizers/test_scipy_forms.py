@@ -83,10 +83,13 @@ def test_no_seed_gives_another_run_every_time():
 @pytest.mark.parametrize(
     "made",
     [
-        np.random.default_rng, np.random.RandomState, np.random.SeedSequence, np.random.PCG64,
+        np.random.default_rng,
+        np.random.RandomState,
+        np.random.SeedSequence,
+        np.random.PCG64,
         lambda seed: [seed, 1],
     ],
-)  # fmt: skip
+)
 def test_a_generator_fixes_the_run_by_either_name(made):
     assert same(run(seed=made(5)), run(seed=made(5)))
     assert same(run(seed=made(5)), run(rng=made(5)))
@@ -139,10 +142,14 @@ def test_a_budget_that_is_no_whole_number_is_refused_with_it(budget):
 @pytest.mark.parametrize(
     "form",
     [
-        np.asarray, np.atleast_1d, np.atleast_2d, np.float64, lambda cost: [cost],
+        np.asarray,
+        np.atleast_1d,
+        np.atleast_2d,
+        np.float64,
+        lambda cost: [cost],
         lambda cost: np.array([cost], dtype=object),
     ],
-)  # fmt: skip
+)
 def test_a_cost_of_one_number_in_any_shape_gives_the_same_run(plain, form):
     assert same(run(fun=lambda x: form(sphere(x))), plain)
 

@@ -25,8 +25,15 @@ from drake_gait.sweep.settings import PlannedStudy, Sweep
 from drake_gait.walk import Measures, Outcome, Walk
 
 LOST = Walk.diverged("took longer than 1 s", steps=3)
-FELL = Walk(outcome=Outcome.FELL, steps=45, forward=0.14, lateral=0.01, yaw=0.1, com_height=0.1,
-            reason="fell")  # fmt: skip
+FELL = Walk(
+    outcome=Outcome.FELL,
+    steps=45,
+    forward=0.14,
+    lateral=0.01,
+    yaw=0.1,
+    com_height=0.1,
+    reason="fell",
+)
 FAR = Walk(outcome=Outcome.WALKED, steps=240, forward=0.5, lateral=0.4, yaw=0.0, com_height=0.245)
 WALKED = dataclasses.replace(FAR, lateral=0.0)
 
@@ -166,10 +173,12 @@ def test_what_a_walk_does_not_have_is_a_dash(measures):
     assert "duty - / 0.50" in said
     assert "clearance - / - mm" in said
     assert said.endswith("cost of transport -")
-    empty = Measures(**{
-        name: tuple(nan for _ in value) if isinstance(value, tuple) else nan
-        for name, value in dataclasses.asdict(measures).items()
-    })  # fmt: skip
+    empty = Measures(
+        **{
+            name: tuple(nan for _ in value) if isinstance(value, tuple) else nan
+            for name, value in dataclasses.asdict(measures).items()
+        }
+    )
     assert not re.search("nan|inf", manner_in_words(empty))
 
 
@@ -193,12 +202,22 @@ def test_a_sweep_of_studies_of_every_outcome_has_a_row_for_each_and_strict_json(
     study, entries, tmp_path, capsys
 ):
     nan = dataclasses.asdict(
-        Measures(energy=1.0, positive_energy=float("nan"), cost_of_transport=float("inf"),
-                 peak_torque=1.0, peak_speed=1.0, saturated_fraction=0.0,
-                 slip=(float("nan"), 0.1), clearance=(0.0, 0.0), duty_factor=(float("nan"), 0.5),
-                 peak_ground_reaction=1.0, toe_range=(0.0, 0.0, 0.0, 0.0), yaw_swing=0.1,
-                 torso_tilt=0.1)
-    )  # fmt: skip
+        Measures(
+            energy=1.0,
+            positive_energy=float("nan"),
+            cost_of_transport=float("inf"),
+            peak_torque=1.0,
+            peak_speed=1.0,
+            saturated_fraction=0.0,
+            slip=(float("nan"), 0.1),
+            clearance=(0.0, 0.0),
+            duty_factor=(float("nan"), 0.5),
+            peak_ground_reaction=1.0,
+            toe_range=(0.0, 0.0, 0.0, 0.0),
+            yaw_swing=0.1,
+            torso_tilt=0.1,
+        )
+    )
     studies = tuple(
         PlannedStudy(variant=name.replace(" ", "-"), seed=0, settings=study, overrides={})
         for name in OUTCOMES

@@ -128,10 +128,13 @@ def test_an_error_inside_gives_the_threads_back():
 @pytest.mark.parametrize(
     "surroundings",
     [
-        torch.no_grad, torch.inference_mode, lambda: torch.device("meta"),
-        lambda: torch.autocast("cpu", torch.bfloat16), lambda: torch.set_grad_enabled(False),
+        torch.no_grad,
+        torch.inference_mode,
+        lambda: torch.device("meta"),
+        lambda: torch.autocast("cpu", torch.bfloat16),
+        lambda: torch.set_grad_enabled(False),
     ],
-)  # fmt: skip
+)
 def test_the_caller_s_modes_change_no_number_and_stay(expected, surroundings):
     with surroundings():
         before = torch.is_grad_enabled(), torch.is_inference_mode_enabled()

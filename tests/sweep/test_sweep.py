@@ -76,8 +76,9 @@ def test_a_variant_changes_what_it_says_and_nothing_else(write):
         (wide, {"study.name", "search.samples", "design.big_toe_width"}),
     ):
         after = study.settings.description()
-        differing = {key for key in before.keys() | after.keys()
-                     if before.get(key) != after.get(key)}  # fmt: skip
+        differing = {
+            key for key in before.keys() | after.keys() if before.get(key) != after.get(key)
+        }
         assert differing == changed
     assert before["search.simulations"] == 24
     assert wide.settings.name == "toes-wide"
@@ -121,8 +122,11 @@ def test_a_sweep_that_cannot_be_used_is_refused_in_one_line(write, old, new, com
 
 
 def test_the_committed_sweeps_can_be_read(repository):
-    found = {path.stem: read_sweep(path) for path in (repository / "studies").glob("*.toml")
-             if "[sweep]" in path.read_text()}  # fmt: skip
+    found = {
+        path.stem: read_sweep(path)
+        for path in (repository / "studies").glob("*.toml")
+        if "[sweep]" in path.read_text()
+    }
     assert set(found) >= {
         "toe_codesign",
         "big_toe_ratio",
@@ -268,8 +272,10 @@ def put(sweep, out, results):
 @pytest.fixture
 def rows(write, tmp_path):
     sweep = read_sweep(write(SWEEP))
-    results = {(study.variant, study.seed): result(300.0 + 10.0 * number)
-               for number, study in enumerate(sweep.studies)}  # fmt: skip
+    results = {
+        (study.variant, study.seed): result(300.0 + 10.0 * number)
+        for number, study in enumerate(sweep.studies)
+    }
     results["wide", 7] = result(900.0, feasible=False)
     results["wide", 0] = result(900.0, feasible=False)
     return put(sweep, tmp_path, results)
@@ -298,9 +304,14 @@ def test_a_variant_s_numbers_are_of_its_feasible_walks_only(rows):
     assert rigid.p_values["furthest_mm"] == rigid.p_values["robust_mm"] == pytest.approx(2 / 3)
 
 
-@pytest.mark.parametrize("distances", [{"toes": [300.0], "rigid": [310.0]},
-                                       {"toes": [300.0, 300.0], "rigid": [300.0, 300.0]},
-                                       {"toes": [300.0, 310.0], "rigid": [305.0]}])  # fmt: skip
+@pytest.mark.parametrize(
+    "distances",
+    [
+        {"toes": [300.0], "rigid": [310.0]},
+        {"toes": [300.0, 300.0], "rigid": [300.0, 300.0]},
+        {"toes": [300.0, 310.0], "rigid": [305.0]},
+    ],
+)
 def test_where_a_test_can_tell_nothing_there_is_no_probability(distances):
     rows = [
         {"variant": name, "feasible_count": 1, "winner": 1, "furthest_mm": one, "robust_mm": one}
@@ -383,8 +394,11 @@ def test_ctrl_c_stops_the_studies_that_run(write, tmp_path, capsys, monkeypatch)
     running = []
 
     def start(sweep, study, out, lifeline):
-        running.append(subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"],
-                                        stderr=subprocess.DEVNULL))  # fmt: skip
+        running.append(
+            subprocess.Popen(
+                [sys.executable, "-c", "import time; time.sleep(60)"], stderr=subprocess.DEVNULL
+            )
+        )
         return running[-1]
 
     def interrupt(seconds):

@@ -108,8 +108,11 @@ def test_postures_show_the_whole_robot_however_long_its_step(
     def least(pictures: list[Picture]) -> float:
         path = tmp_path / "postures.svg"
         walk_figures.postures(history, pictures, path)
-        return min(float(text.replace("\N{MINUS SIGN}", "-")) for text in texts(path)
-                   if re.fullmatch("\N{MINUS SIGN}?[0-9]+", text))  # fmt: skip
+        return min(
+            float(text.replace("\N{MINUS SIGN}", "-"))
+            for text in texts(path)
+            if re.fullmatch("\N{MINUS SIGN}?[0-9]+", text)
+        )
 
     long = dataclasses.replace(seen[0], left=-0.3)
     assert least(seen) == -100
