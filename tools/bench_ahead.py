@@ -17,6 +17,7 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from markdown_table import heading, row
 from numpy.typing import NDArray
 
 from drake_gait.search.acquisition import Acquisition
@@ -98,11 +99,10 @@ def main() -> None:
         found += rows
     columns = [f"r of {name}" for name in outputs]
     columns += ["AUC of survival", "AUC of feasible", "log probability"]
-    print(f"{len(found)} batches\n\n| model | {' | '.join(columns)} |")
-    print("|---|" + "---|" * len(columns))
+    print(f"{len(found)} batches\n\n{heading(['model', *columns])}")
     for name in found[0]:
-        means = np.nanmean([row[name] for row in found], axis=0)
-        print(f"| {name} | {' | '.join(f'{mean:.2f}' for mean in means)} |")
+        means = np.nanmean([one[name] for one in found], axis=0)
+        print(row([name, *(f"{mean:.2f}" for mean in means)]))
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from markdown_table import heading, row
 from scipy.stats import spearmanr
 
 from drake_gait.gait import FloatArray
@@ -59,10 +60,9 @@ def main() -> None:
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN", help="folder of a study")
     names = [field.name for field in fields(Measures)]
     studies = []
-    print(
-        "| study | candidates | Z mm | range of X mm | of yaw deg | yaw swing deg | slip mm "
-        "| tilt deg | peak reaction |\n|---|---|---|---|---|---|---|---|---|"
-    )
+    columns = ["study", "candidates", "Z [mm]", "range of X [mm]", "of yaw [deg]"]
+    columns += ["yaw swing [deg]", "slip [mm]", "tilt [deg]", "peak reaction [weights]"]
+    print(heading(columns))
     for run in parser.parse_args().runs:
         ranges, scatter, measures = scattered(run)
         studies.append((scatter, measures))
@@ -71,16 +71,16 @@ def main() -> None:
             unit * np.median(measures[:, names.index(name)])
             for name, unit in zip(_SHOWN, units, strict=True)
         ]
-        cells = " | ".join(f"{value:.1f}" for value in (*np.median(ranges, axis=0), *shown))
-        print(f"| {run.parent.name}/{run.name} | {len(ranges)} | {cells} |", flush=True)
+        cells = (f"{value:.1f}" for value in (*np.median(ranges, axis=0), *shown))
+        print(row([f"{run.parent.name}/{run.name}", len(ranges), *cells]), flush=True)
     medians = [np.median(scatter) for scatter, _ in studies]
-    print("\n| measure | between studies | within one |\n|---|---|---|")
+    print(f"\n{heading(['measure', 'between studies', 'within one'])}")
     for column, name in enumerate(names):
         between = spearmanr([np.median(found[:, column]) for _, found in studies], medians)
         within = np.median(
             [spearmanr(found[:, column], scatter).statistic for scatter, found in studies]
         )
-        print(f"| {name} | {between.statistic:.2f} | {within:.2f} |")
+        print(row([name, f"{between.statistic:.2f}", f"{within:.2f}"]))
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from markdown_table import heading, row
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from sklearn.ensemble import RandomForestRegressor
@@ -119,8 +120,7 @@ def learning_curve(data: Data, counts: Sequence[int], draws: int) -> dict[tuple[
 def _row(count: int, name: str, rows: Array) -> str:
     middle = np.median(rows, axis=0)
     spread = f"{rows[:, 0].min():.2f} to {rows[:, 0].max():.2f}"
-    cells = [str(count), name, *(f"{value:.2f}" for value in middle), spread]
-    return f"| {' | '.join(cells)} |"
+    return row([count, name, *(f"{value:.2f}" for value in middle), spread])
 
 
 def draw(found: dict[tuple[int, str], Array], path: Path) -> None:
@@ -131,7 +131,7 @@ def draw(found: dict[tuple[int, str], Array], path: Path) -> None:
     for column, axes in enumerate(panels):
         for name in NAMES:
             rows = [found[count, name][:, column] for count in counts]
-            middle = [np.median(row) for row in rows]
+            middle = [np.median(one) for one in rows]
             (line,) = axes.plot(
                 counts,
                 middle,
@@ -143,8 +143,8 @@ def draw(found: dict[tuple[int, str], Array], path: Path) -> None:
             if name == "network":
                 axes.fill_between(
                     counts,
-                    [row.min() for row in rows],
-                    [row.max() for row in rows],
+                    [one.min() for one in rows],
+                    [one.max() for one in rows],
                     color=line.get_color(),
                     alpha=0.15,
                     linewidth=0,
@@ -172,8 +172,7 @@ def main() -> None:
     data = read(options.studies, options.study, every=options.all)
     counts = [count for count in options.counts if count <= len(data[0])]
     print(f"{len(data[0])} walks, {int(data[2].sum())} survived; {options.draws} draws\n")
-    print(f"| walks | model | {' | '.join(COLUMNS)} | Z, range |")
-    print("|---|---|" + "---|" * (len(COLUMNS) + 1))
+    print(heading(["walks", "model", *COLUMNS, "Z, range"], words=2))
     found = learning_curve(data, counts, options.draws)
     if options.figure:
         draw(found, options.figure)
