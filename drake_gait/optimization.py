@@ -1,7 +1,7 @@
-"""One study in its folder: opened or gone on with, searched to its end, and what came out.
+"""One study in its folder: started or resumed, searched to its end, with its result.
 
-result = run_study(settings, "runs/mine", workers=2, progress=print)
-result.winner.candidate, result.verdict
+result = run_study(settings, "runs/mine", workers=2)
+result.best.candidate, result.verdict
 """
 
 import functools
@@ -44,7 +44,7 @@ STARTING_TIME = 60.0  # What a worker may need beside its walk, to import and to
 
 
 def open_study(settings: StudySettings, folder: Path, proposer: Proposer | None = None) -> Study:
-    """Return the folder's study, to start or to go on with, as its driver.
+    """Return the folder's study, new or to be resumed, as its driver.
 
     A study whose budget has grown is unfinished again.
 
@@ -83,7 +83,7 @@ def open_study(settings: StudySettings, folder: Path, proposer: Proposer | None 
 
 
 def is_finished(settings: StudySettings, folder: Path) -> bool:
-    """Whether the folder holds this study, at its end.
+    """Return whether the folder holds this study, at its end.
 
     Raises:
         StudyError: it holds another one.
@@ -106,7 +106,7 @@ def _name(proposer: Proposer | None, settings: StudySettings) -> str | None:
 
 
 def _require_proposer(study: Study, name: str | None) -> None:
-    """Refuse to go on with a study with another proposer than it began with."""
+    """Refuse to resume a study with another proposer than it began with."""
     known = study.description().get(PROPOSER)
     if known != name:
         mode = "that of its mode"
@@ -118,7 +118,7 @@ def _require_proposer(study: Study, name: str | None) -> None:
 
 
 def _wanted(settings: StudySettings, model: RobotModel) -> dict[str, Any]:
-    """What a study must have begun with, to be this one."""
+    """Return the settings and the robot that identify a study."""
     return {"settings": settings.description(), "model_sha256": model.sha256}
 
 
@@ -155,8 +155,8 @@ def run_study(
 ) -> StudyResult:
     """Search a study to its end, confirm its winner, and return what came out.
 
-    The folder keeps every walk. The same call again goes on where the last one was stopped, and a
-    larger budget goes on with a finished study. The walks depend on the settings and the proposer
+    The folder keeps every walk. The same call again resumes a study that was stopped, and a larger
+    budget extends a finished one. The walks depend on the settings and the proposer
     alone. `write_report` makes the report and figures. It works in any thread.
 
     Args:

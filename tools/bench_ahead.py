@@ -1,13 +1,12 @@
-"""How well what a search had learnt told its next batch, with and without kriged errors.
+"""Score a search's predictions of its next batch, with and without kriged errors.
 
     python tools/bench_ahead.py runs/bench_search/default/seed-*
 
-As in a search: the network learns from all walks but the last batch, its errors are kriged with
-those of that batch, and the next batch is predicted; again after every third, from 300 walks on.
-It prints means over all of these: correlation of each output among the survivors, the area under
-the curve of survival and of a feasible walk, and the logarithm of the probability that was given
-to what became of a walk, feasible or not (0 is certainty). Of walks that a surrogate has chosen
-itself it knows less than of others: who chose them is at a disadvantage.
+It learns as a search does. The network learns from all walks but the last batch, its errors are
+kriged with those of that batch, and the next batch is predicted. That is repeated after every third
+batch, from 300 walks on. The table has means over all of these. It has the correlation of each
+output among the survivors, and the area under the curve of survival and of a feasible walk. Its
+last column is the logarithm of the probability given to the outcome; 0 is certainty. A surrogate knows less of walks that it has chosen itself: who chose them is at a disadvantage.
 """
 
 import argparse

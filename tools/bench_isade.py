@@ -4,8 +4,8 @@
     python tools/bench_isade.py --output isade.jsonl --solvers scipy cmaes  only these
     python tools/bench_isade.py --own-time                                  ISADE's own time
 
-Every run stops when it evaluates a feasible point within 1e-4 (relative) of the optimum, or when
-its evaluations are spent: 30 000 with constraints, 60 000 without. Each run is one line of the
+A run stops at a feasible point within 1e-4 (relative) of the optimum. Or it stops when its
+evaluations are spent: 30 000 with constraints, 60 000 without. Each run is one line of the
 output file, written when it ends; runs already in the file are not repeated. Other optimisers run
 with the settings they come with. Those that know no constraints (L-SHADE, CMA-ES) minimise one
 number that orders points by the rules of feasibility.
@@ -41,7 +41,7 @@ PROBE_SIZE = 60
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """How one solver fared on one problem with one seed."""
+    """A run of one solver on one problem with one seed."""
 
     solver: str
     problem: str

@@ -1,11 +1,11 @@
-"""What tells whether a gait bears noise: how it is walked, beside how its perturbed walks scatter.
+"""Correlate the measures of a gait with the scatter of its perturbed walks.
 
-    python tools/bench_scatter.py runs/bench_search/default/seed-* runs/bench_search/cmaes/seed-*
+    python tools/bench_scatter.py runs/bench_search/*/seed-*
 
-Of every study, the candidates that its confirmation walked at least twice: median range of X and
-of yaw over the walk itself and its first two variations, and medians of measures of the walk
-itself, which is simulated again for them. Then each measure's rank correlation with the scatter,
-between the studies (their medians) and within one (median over the studies).
+It takes the candidates that a confirmation walked at least twice. The first table has the median
+range of X and of yaw over the walk and its first two variations. It has medians of measures of the
+walk, which is simulated again for them. The second table has each measure's rank correlation with
+the scatter: between the studies (their medians), and within one (median over the studies).
 """
 
 import argparse

@@ -4,11 +4,11 @@ r"""Learning curve of the network beside ridge, quadratic ridge, a Gaussian proc
         --set confirmation.walks=0 --out runs/lhs2000
     python tools/bench_surrogate.py runs/lhs2000 --figure docs/images/learning_curve.png
 
-Of the walks of one or more studies with the same box (those of the design of experiments; with
---all, every one) random subsets are drawn; every model predicts each walk from the folds of the
-network that do not hold it. It prints R² of Z, X and yaw of the survivors, the area under the curve
-of survival, and the processor time of fitting to all folds, each the median of the draws, and the
-smallest and largest R² of Z. The network classifies; the others regress survival as 0 or 1.
+It draws random subsets of the walks of studies with the same box. These are the walks of the design
+of experiments, or all with `--all`. Every model predicts each walk from the folds of the network
+that do not hold it. The table has medians over the draws. Its columns are R² of Z, X and yaw of
+the survivors, the area under the curve of survival, and the processor time of all folds. The last
+column is the range of R² of Z. The network classifies; the others regress survival as 0 or 1.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""What a new foot costs a walk, and what it changes that every foot starts from the same pose.
+"""Measure the cost of a new foot, and the effect of one starting pose for all feet.
 
     python tools/bench_toes.py [--feet 24]
 

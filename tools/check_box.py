@@ -1,7 +1,7 @@
 """Count how many gaits of a study's box survive and are feasible: `python tools/check_box.py`.
 
-A box for a search should let at least 60 % of a Latin hypercube of 200 survive and at least 10 % be
-feasible; the figures say also how its walks are walked.
+In a good box at least 60 % of a Latin hypercube of 200 survive, and at least 10 % are feasible. The
+table has measures of its walks.
 """
 
 import argparse

@@ -1,9 +1,9 @@
 """Costs and constraints of constrained test problems, for many points at once.
 
-Engineering designs: Coello Coello (2000), Sandgren (1990), Golinski (1973), Himmelblau (1972), in
-the forms collected by Mezura-Montes and Coello Coello (2005). g01-g13: Liang et al., "Problem
-definitions and evaluation criteria for the CEC 2006 special session on constrained real-parameter
-optimization" (2006).
+Engineering designs: Coello Coello (2000), Sandgren (1990), Golinski (1973), Himmelblau (1972).
+Mezura-Montes and Coello Coello (2005) collected their forms. Problems g01 to g13: Liang et al.,
+"Problem definitions and evaluation criteria for the CEC 2006 special session on constrained
+real-parameter optimization" (2006).
 
 Each function takes points, shape (n, d), to costs, shape (n,), and constraints, shape (n, m),
 satisfied at or below 0.

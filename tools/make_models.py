@@ -1,13 +1,13 @@
 """Write models/khr3hv.sdf and models/khr3hv_cad.sdf from one table: `python tools/make_models.py`.
 
 Link masses, centres of mass, inertias and joint origins are those of a public CAD model of the
-KHR-3HV (MIT licence; the upright pose; x forward, y left of the mid-plane, z above the sole). The
-foot is the paper's (section II.B): a heel plate and two sprung toes side by side on the outline of
-the real foot. Nothing here is imported by the package.
+KHR-3HV (MIT licence). They are given in the upright pose: x forward, y left of the mid-plane, z
+above the sole. The foot is the paper's (section II.B): a heel plate and two sprung toes side by
+side, on the outline of the real foot. Nothing here is imported by the package.
 
-`khr3hv.sdf` splits 1.5 kg between body and legs so that the standing centre of mass is 245.0 mm
-above the ground, where the paper's limit of 243.53 mm means 'upright'; `khr3hv_cad.sdf` keeps the
-CAD's own distribution, scaled to 1.5 kg.
+`khr3hv.sdf` splits 1.5 kg between body and legs. Its standing centre of mass is 245.0 mm above the
+ground: there the paper's limit of 243.53 mm means 'upright'. `khr3hv_cad.sdf` keeps the CAD's own
+distribution, scaled to 1.5 kg.
 """
 
 import argparse

@@ -1,10 +1,10 @@
 """Make the pictures of the README, in docs/images: `python tools/make_readme_picture.py [RUN]`.
 
-Of a study's winner: walk.webp, the whole walk in motion, and walk.png, the robot at five instants
-of the second cycle with the gait's phases named as in the paper's Fig. 12. The walk is simulated,
-its recording is opened in Chromium, and Meshcat draws it. Further the study's own postures.png,
-paths.png and network.png, in fewer bytes. Without a study, walk.webp and walk.png of a gait that
-walks. Nothing here is imported by the package.
+`walk.webp` shows the whole walk of a study's winner in motion. `walk.png` shows the robot at five
+instants of the second cycle, with the phases of the paper's Fig. 12. The walk is simulated, its
+recording is opened in Chromium, and Meshcat draws it. The study's own postures.png, paths.png and
+network.png are copied in fewer bytes. Without a study, a gait that walks is shown. Nothing here is
+imported by the package.
 """
 
 import argparse
@@ -151,7 +151,7 @@ def shots(
 
 
 def camera_targets(history: History, times: list[float], *, glides: bool) -> np.ndarray:
-    """Where to look [m], shape (n, 3): half-way up the robot, at its centre of mass.
+    """Return the points to look at [m], shape (n, 3): half-way up, at the centre of mass.
 
     A camera that glides goes from where it begins to where it ends at one speed.
     """

@@ -1,8 +1,8 @@
 """Look at studies: `python -m drake_gait studies list|show|compare`.
 
-list has a line for each study in a folder, and show the state of one. compare puts several side by
-side, with the settings that differ. Running studies can be looked at as well. --json prints the
-same for other programs, in SI units.
+`list` has a line for each study in a folder, and `show` tells of one. `compare` puts several side
+by side, with the settings that differ. Running studies can be looked at as well. `--json` prints
+the same for other programs, in SI units.
 """
 
 import argparse

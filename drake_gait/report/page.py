@@ -139,7 +139,7 @@ def write_comparison_page(runs: Sequence[Run], path: Path) -> None:
 
 
 def _shuffles(result: Mapping[str, Any]) -> bool:
-    """Whether the walk of a result advances by sliding; not where that was not measured."""
+    """Return whether the walk of a result advances by sliding; False where it was not measured."""
     slip, forward = (result.get("measures") or {}).get("slip"), result["forward_mm"]
     if slip is None or None in slip or forward is None:
         return False
@@ -192,7 +192,7 @@ def _captions() -> dict[str, dict[str, str]]:
 
 
 def _figures(run: Run, names: Sequence[str], of: str = "") -> list[dict[str, Any]]:
-    """Those figures of a study that there are, with what a page says of them."""
+    """Return the figures in a study's folder, with their captions."""
     found = []
     for name in names:
         path = run.folder / FIGURES / f"{name}.svg"

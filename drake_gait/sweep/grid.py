@@ -1,7 +1,7 @@
 """A grid of feet: given gaits walk on every foot, several times, each with its own small noise.
 
-A grid is kept as a study: its walks are in study.db as they finish, one driver at a time writes
-them, and any executor walks them. The same call again resumes it.
+A grid is kept as a study: study.db has its walks as they finish, and one driver at a time writes
+them. Any executor walks them. The same call again resumes a grid.
 """
 
 from collections.abc import Callable, Iterator

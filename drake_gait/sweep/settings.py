@@ -1,4 +1,4 @@
-"""What a sweep is to run, read from its TOML file: variants of one study, or a grid of feet.
+"""Settings of a sweep, read from its TOML file: variants of one study, or a grid of feet.
 
     [sweep]
     name = "toes_or_rigid"

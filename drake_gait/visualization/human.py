@@ -1,12 +1,12 @@
-"""How people walk: joint angles over a gait cycle, to be drawn beside the robot's.
+"""Joint angles of people over a gait cycle, to be drawn beside the robot's.
 
-From C. A. Fukuchi, R. K. Fukuchi and M. Duarte, A public data set of overground and treadmill
-walking kinematics and kinetics of healthy individuals, version 5, figshare,
-doi:10.6084/m9.figshare.5722711.v5, described in PeerJ 6:e4640 (2018).
-Its licence is CC BY 4.0, https://creativecommons.org/licenses/by/4.0/. Changed: of the 24 young
-adults, on a treadmill at the speed that each finds comfortable, 1.24 m/s in the mean, each person's
-legs are averaged, then mean and standard deviation are taken over the persons, in steps of
-0.1 degrees, at every 4 % of the cycle. The raw files were reduced so by the
+The data are by C. A. Fukuchi, R. K. Fukuchi and M. Duarte, version 5,
+doi:10.6084/m9.figshare.5722711.v5. They are described in A public data set of overground and
+treadmill walking kinematics and kinetics of healthy individuals, PeerJ 6:e4640 (2018).
+Its licence is CC BY 4.0, https://creativecommons.org/licenses/by/4.0/. Changed: the 24 young
+adults walk on a treadmill at a comfortable speed, 1.24 m/s in the mean. Each person's legs are
+averaged. Mean and standard deviation are over the persons, in steps of 0.1 degrees, at every 4 % of
+the cycle. The raw files were reduced so by the
 public repository VIONWILLIAMS/EXO-Forge-Studio; its means were compared with another reduction.
 """
 

@@ -1,4 +1,4 @@
-"""What is to be seen of a walk in Meshcat: robot, floor, paths, ground reaction, light, camera."""
+"""Scene of a walk in Meshcat: robot, floor, paths, ground reaction, light, camera."""
 
 import ctypes
 import gc
@@ -63,7 +63,7 @@ _FIELD_OF_VIEW = np.radians(24.0)  # narrow: little perspective, so that lengths
 VIEW = (0.62, -1.0, 0.42)
 """Direction of the camera: from the robot's right, ahead and above."""
 ROBOT_HEIGHT = 0.41
-"""What is to be seen above the floor [m]."""
+"""Height that is shown above the floor [m]."""
 _ASPECT = 1.5  # width over height of a page, at least; a narrower one shows all of it smaller
 _FILLED, _PANEL = 0.94, 0.22  # parts of half the picture: filled by the walk, hidden by the panel
 _MARGIN = 0.10  # room round the walk: the feet reach 80 mm beyond the ankles [m]
@@ -122,7 +122,7 @@ def start_meshcat(port: int | None = None) -> Meshcat:
     try:
         with _log_level:
             level = log.level
-            log.setLevel(logging.WARNING)  # or it invites to where nothing is to be seen yet
+            log.setLevel(logging.WARNING)  # Or it invites to an empty page.
             try:
                 meshcat = Meshcat(MeshcatParams(host="localhost", port=port, show_stats_plot=False))
             finally:

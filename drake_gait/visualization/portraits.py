@@ -125,7 +125,7 @@ def _solids(
 
 
 def _parts(plant: MultibodyPlant, inspector: SceneGraphInspector) -> Iterator[_Part]:
-    """What is seen of the robot; shapes of other kinds than box and cylinder as their hulls."""
+    """Return the visible parts of the robot; other shapes than box and cylinder as their hulls."""
     for geometry in inspector.GetAllGeometryIds(Role.kIllustration):
         shape = inspector.GetShape(geometry)
         if isinstance(shape, Box):

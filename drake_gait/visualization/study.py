@@ -144,7 +144,7 @@ def predicted_against_simulated(
 
 
 def sensitivity(found: Sensitivity, path: Path) -> None:
-    """How much of the distance's variance each design variable decides, the largest on top."""
+    """Draw the shares of the design variables in the distance's variance, the largest on top."""
     order = np.argsort(found.total)
     place = np.arange(len(order))
     further = found.slope[order] >= 0.0

@@ -311,6 +311,6 @@ def torques(history: History, path: Path, limits: FloatArray) -> None:
 
 
 def _between(time: FloatArray, begin: float, end: float) -> NDArray[np.bool_]:
-    """Which frames lie in begin <= t < end, shape (n,)."""
+    """Return whether each frame lies in begin <= t < end, shape (n,)."""
     half = FRAME_TIME / 2.0
     return (time > begin - half) & (time < end - half)
