@@ -6,7 +6,8 @@ It learns as a search does. The network learns from all walks but the last batch
 kriged with those of that batch, and the next batch is predicted. That is repeated after every third
 batch, from 300 walks on. The table has means over all of these. It has the correlation of each
 output among the survivors, and the area under the curve of survival and of a feasible walk. Its
-last column is the logarithm of the probability given to the outcome; 0 is certainty. A surrogate knows less of walks that it has chosen itself: who chose them is at a disadvantage.
+last column is the logarithm of the probability given to the outcome; 0 is certainty. A surrogate
+knows less of walks that it has chosen itself: who chose them is at a disadvantage.
 """
 
 import argparse
