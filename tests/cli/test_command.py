@@ -59,7 +59,7 @@ def test_a_command_that_is_done_says_nothing_of_its_own(capsys):
         (UnicodeEncodeError("ascii", "größe", 2, 3, "ordinal not in range"), "größe"),
     ],
 )
-def test_what_a_user_can_cure_is_one_line_and_status_2(capsys, error, named):
+def test_an_error_that_a_user_can_cure_is_one_line_and_status_2(capsys, error, named):
     assert conduct(raises(error)) == 2
     out, err = capsys.readouterr()
     assert out == ""
@@ -75,7 +75,7 @@ def test_a_bug_is_not_hidden():
 
 @pytest.mark.parametrize(("error", "status"), [(KeyboardInterrupt, 130), (Terminated, 143)])
 @pytest.mark.parametrize("searches", [False, True])
-def test_who_stops_a_command_reads_one_line(capsys, error, status, searches):
+def test_a_user_who_stops_a_command_reads_one_line(capsys, error, status, searches):
     assert conduct(raises(error()), stopped="stopped here", searches=searches) == status
     out, err = capsys.readouterr()
     assert out + err == "stopped here\n"
@@ -103,7 +103,7 @@ def test_a_command_in_another_thread_leaves_the_signals_alone():
 
 
 @pytest.mark.parametrize("number", [28, 32, 5])
-def test_a_search_goes_on_where_its_output_goes_nowhere(capsys, monkeypatch, number):
+def test_a_search_outlives_its_output(capsys, monkeypatch, number):
     done = []
 
     def work():
@@ -146,7 +146,7 @@ def test_a_stream_that_is_closed_breaks_off_no_search(monkeypatch, closed):
 
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1", "cp1252", "utf-8", "utf-16"])
 @pytest.mark.parametrize("text", ["größe 🤖 N·m R² −1", "half \ud83e", "bytes \udcff"])
-def test_what_a_stream_cannot_encode_is_replaced(encoding, text):
+def test_characters_that_a_stream_cannot_encode_are_replaced(encoding, text):
     raw = io.BytesIO()
     stream = LastingStream(io.TextIOWrapper(raw, encoding=encoding))
     stream.write(text)
@@ -292,5 +292,5 @@ print(sorted({HEAVY!r} & set(sys.modules)), file=sys.stderr)
     assert ended.stderr.splitlines()[-1] == "[]"
 
 
-def test_the_version_is_told_by_the_module_and_by_the_package():
+def test_module_and_package_have_the_same_version():
     assert run("drake_gait", "--version").stdout == f"drake_gait {drake_gait.__version__}\n"

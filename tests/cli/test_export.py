@@ -369,7 +369,7 @@ def test_an_empty_study_that_the_user_has_made_is_taken(optuna, run, url, capsys
     assert "0 walks added" in told(capsys, run, "--optuna", url)
 
 
-def test_an_export_that_was_broken_off_goes_on(optuna, run, url, capsys, monkeypatch):
+def test_an_interrupted_export_is_resumed(optuna, run, url, capsys, monkeypatch):
     set_attribute = optuna.Study.set_user_attr
 
     def broken(goal, key, value):

@@ -135,7 +135,7 @@ def test_an_error_in_a_worker_reaches_the_driver_with_its_text(failure, error):
         list(Serial(functools.partial(stride_or, failure, (1,))).run(candidates(4)))
 
 
-def test_an_error_in_the_driver_ends_workers_in_the_midst_of_a_walk():
+def test_an_error_in_the_driver_ends_workers_during_a_walk():
     def drive():
         walk = functools.partial(stride_or, hang, (0,))
         with LocalProcesses(walk, count=1, time_limit=2000.0) as processes:
@@ -256,7 +256,7 @@ def test_workers_killed_again_and_again_cost_no_walk(expected):
 
 
 def test_workers_that_cannot_start_are_an_error_and_no_walks_that_diverged():
-    with pytest.raises(WorkerError, match="5 worker processes in a row died"):
+    with pytest.raises(WorkerError, match="5 worker processes"):
         run(DeadlyToLoad(), 2)
     with pytest.raises(ModelError, match="no joint 'hip'"):
         run(ForeignToLoad(), 2)
@@ -297,5 +297,5 @@ def test_workers_end_when_their_driver_is_killed(tmp_path, walk):
 
 @pytest.mark.parametrize("count", [0, -1])
 def test_no_workers_are_refused(count):
-    with pytest.raises(SettingsError, match=rf"workers must be >= 1, got {count}"):
+    with pytest.raises(SettingsError, match=rf"workers.*>= 1, got {count}"):
         LocalProcesses(stride, count=count)

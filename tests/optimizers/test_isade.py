@@ -133,7 +133,7 @@ def test_trials_asked_and_not_told_are_asked_again_after_a_resume():
     np.testing.assert_array_equal(Isade.from_state(optimiser.state()).ask(), trials)
 
 
-def test_a_state_does_not_change_when_the_run_goes_on():
+def test_a_state_does_not_change_while_the_run_continues():
     optimiser = Isade(BOX, seed=3)
     advance(optimiser, 2)
     state = optimiser.state()

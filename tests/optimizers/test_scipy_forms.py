@@ -96,14 +96,14 @@ def test_a_generator_fixes_the_run_by_either_name(made):
     assert not same(run(seed=made(5)), run(seed=made(6)))
 
 
-def test_a_generator_goes_on_from_run_to_run_and_leaves_the_global_one_alone():
+def test_a_generator_continues_from_run_to_run_and_leaves_the_global_one_alone():
     generator, before = np.random.default_rng(5), np.random.get_state()[1].tolist()  # noqa: NPY002
     assert not same(run(seed=generator), run(seed=generator))
     assert np.random.get_state()[1].tolist() == before  # noqa: NPY002
 
 
 @pytest.mark.parametrize("seed", [-1, 1.5, "x", [-1], np.nan])
-def test_a_seed_that_is_none_is_refused(seed):
+def test_an_unusable_seed_is_refused(seed):
     with pytest.raises(SettingsError, match="seed"):
         run(seed=seed)
 
@@ -114,7 +114,7 @@ def test_two_seeds_are_refused():
 
 
 @pytest.mark.parametrize("seed", [2**63, 2**64, 2**200])
-def test_a_run_with_a_seed_of_any_size_is_kept_and_goes_on(seed):
+def test_a_run_with_a_seed_of_any_size_is_kept_and_resumed(seed):
     optimiser = Isade(BOX, seed=seed)
     optimiser.tell(rows(optimiser.ask()))
     file = io.BytesIO()
@@ -165,7 +165,7 @@ def test_a_cost_of_any_real_type_is_its_number(cost):
 
 
 @pytest.mark.parametrize("cost", [None, "1", 1j, [1.0, 2.0]])
-def test_what_is_no_cost_is_refused(cost):
+def test_a_value_that_is_not_a_cost_is_refused(cost):
     with pytest.raises(SettingsError, match="costs must be"):
         run(fun=lambda x: cost)
 
@@ -279,7 +279,7 @@ def test_an_equality_is_met_within_the_tolerance_that_is_given():
         (lambda x: [1.0] * (1 + (x[0] > 0)), "violations must be as many at every x"),
     ],
 )
-def test_a_constraint_that_is_none_is_refused_by_its_number(constraint, words):
+def test_an_unusable_constraint_is_refused_by_its_number(constraint, words):
     with pytest.raises(SettingsError, match=words):
         run(constraints=constraint)
 

@@ -164,7 +164,7 @@ def test_studies_of_every_outcome_are_compared(study, entries, tmp_path):
     assert str(2**200 + 3) in page
 
 
-def test_what_a_walk_does_not_have_is_a_dash(measures):
+def test_a_missing_measure_of_a_walk_is_a_dash(measures):
     nan = float("nan")
     lacking = dataclasses.replace(
         measures, duty_factor=(nan, 0.5), clearance=(nan, nan), cost_of_transport=float("inf")

@@ -89,22 +89,22 @@ def test_a_variant_changes_what_it_says_and_nothing_else(write):
     [
         ('name = "toes"', "", "needs a name"),
         ('base = "{base}"', "", "needs a base"),
-        ("[sweep]", "[swep]", r"no section is called 'swep'; there are sweep, common"),
-        ("seeds =", "seed =", "no key of .sweep. is called 'seed'"),
-        ("[0, 7]", "[0, 0]", r"different whole numbers >= 0, got \[0, 0\]"),
-        ("[0, 7]", "[]", r"different whole numbers >= 0, got \[\]"),
-        ("[0, 7]", "[true]", r"whole numbers >= 0, got \[True\]"),
+        ("[sweep]", "[swep]", r"'swep'.*sweep, common"),
+        ("seeds =", "seed =", ".sweep..*'seed'"),
+        ("[0, 7]", "[0, 0]", r"sweep.seeds.*got \[0, 0\]"),
+        ("[0, 7]", "[]", r"sweep.seeds.*got \[\]"),
+        ("[0, 7]", "[true]", r"sweep.seeds.*got \[True\]"),
         ("[variants.rigid]", '[variants."../rigid"]', "must do as a folder's name"),
         ("[variants.rigid]", '[variants."a\\u0007b"]', "text that can be printed.*U\\+0007"),
         ("[variants.rigid]", '[variants.""]', "must do as a folder's name"),
         ("[variants.rigid]", f"[variants.{'x' * 300}]", "255 bytes at most.*'xxx.* has 300"),
         ("[variants.rigid]", f"[variants.'{'ä' * 151}']", "255 bytes at most.* has 302"),
-        ("[variants.rigid]", "[variants.TOES]", "folder of variant 'TOES' could be that of toes"),
-        ("[variants.rigid]", '[variants."sweep.json"]', "could be that of the sweep's sweep.json"),
+        ("[variants.rigid]", "[variants.TOES]", "'TOES'.*toes"),
+        ("[variants.rigid]", '[variants."sweep.json"]', "the sweep's sweep.json"),
         ("[variants.rigid]", "[variants.toes]", "is not TOML"),
-        ("foot.rigid_toes", "foot.stiff_toes", r"no key of \[foot\] is called 'stiff_toes'"),
-        ("[30, 50]", "[30, 60]", r"big_toe_width_mm must rise and lie in 8 to 50 mm"),
-        ("search.samples = 22", "search = 22", r"\[variants.wide.search\] must be a section"),
+        ("foot.rigid_toes", "foot.stiff_toes", r"\[foot\].*'stiff_toes'"),
+        ("[30, 50]", "[30, 60]", r"big_toe_width_mm.*8 to 50 mm"),
+        ("search.samples = 22", "search = 22", r"\[variants.wide.search\]"),
         ("[variants.", "[common.", "either"),
         ('base = "{base}"', 'base = "none.toml"', "cannot read study"),
         ("[0, 7]", "[0, 7", "is not TOML"),
@@ -182,20 +182,20 @@ def test_a_grid_s_gaits_may_be_those_of_results(write, tmp_path):
     assert len(grid.gaits) == 2
     assert grid.gaits[1].degrees == pytest.approx(np.array(degrees, dtype=float))
     (tmp_path / "result.json").write_text("{}")
-    with pytest.raises(SettingsError, match=r"result\.json is no result\.json of a study"):
+    with pytest.raises(SettingsError, match=r"result\.json"):
         read_sweep(path)
 
 
 @pytest.mark.parametrize(
     ("old", "new", "complaint"),
     [
-        ("replicas = 2", "replicas = 0", r"grid.replicas must be a whole number >= 1, got 0"),
-        ("0.05\nc", "-1\nc", r"grid.noise_deg must lie in 0 to 1"),
+        ("replicas = 2", "replicas = 0", r"grid.replicas.*>= 1, got 0"),
+        ("0.05\nc", "-1\nc", r"grid.noise_deg.*0 to 1"),
         ("coefficients_deg = [", "results = []#", "needs gaits"),
         ("[[0, 1, 2, 3], ", "[", r"shape \(4, 4\)"),
         ("[0.05, 0.1, 0.2]", "[0.05, 0.1]", "equally many values"),
         ("toe_damping_n_m_s_per_rad = ", "big_toe_stiffness_n_mm_per_deg = ", "both axes"),
-        ("toe_damping_n_m_s_per_rad", "toe_dumping", "no key of .foot. is called 'toe_dumping'"),
+        ("toe_damping_n_m_s_per_rad", "toe_dumping", ".foot..*'toe_dumping'"),
         (
             "[1e-4, 1e-3]",
             "[1e-4, 1]",
@@ -312,7 +312,7 @@ def test_a_variant_s_numbers_are_of_its_feasible_walks_only(rows):
         {"toes": [300.0, 310.0], "rigid": [305.0]},
     ],
 )
-def test_where_a_test_can_tell_nothing_there_is_no_probability(distances):
+def test_one_seed_or_equal_distances_give_no_probability(distances):
     rows = [
         {"variant": name, "feasible_count": 1, "winner": 1, "furthest_mm": one, "robust_mm": one}
         for name, found in distances.items()
@@ -369,9 +369,7 @@ def pretended(monkeypatch):
     return started
 
 
-def test_the_command_runs_every_study_once_and_goes_on_where_it_was(
-    write, tmp_path, capsys, pretended
-):
+def test_the_command_runs_every_study_once_and_resumes(write, tmp_path, capsys, pretended):
     arguments = [str(write(SWEEP)), "--workers", "2", "--out", str(tmp_path / "out")]
     assert main(arguments) == 0
     assert sorted(pretended) == sorted(
@@ -447,7 +445,7 @@ def test_a_study_without_its_report_is_run_again(write, tmp_path, finished):
     assert not command._has_result(sweep.studies[0], tmp_path)
 
 
-def test_more_seeds_go_on_with_a_sweep(write, tmp_path, pretended):
+def test_more_seeds_extend_a_sweep(write, tmp_path, pretended):
     arguments = ["--workers", "2", "--out", str(tmp_path / "out")]
     assert main([str(write(SWEEP)), *arguments]) == 0
     del pretended[:]
@@ -525,9 +523,7 @@ def studies_that_run(out):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGHUP])
-def test_a_sweep_that_is_ended_leaves_no_study_and_the_same_command_goes_on(
-    write, tmp_path, number
-):
+def test_a_sweep_that_is_ended_leaves_no_process_and_is_resumed(write, tmp_path, number):
     out = tmp_path / "out"
     arguments = [sys.executable, "-m", "drake_gait", "sweep", str(write(SMALL)), "--out", str(out)]
     walks = out / "toes" / "seed-0" / "study.db"

@@ -50,7 +50,7 @@ VISIBLE = [
 
 def test_a_figure_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     drawn = figures.new_figure(1.0, 1.0)
-    with pytest.raises(GaitError, match=r"cannot write the figure .*nowhere"):
+    with pytest.raises(GaitError, match=r"figure .*nowhere"):
         figures.save_figure(drawn, tmp_path / "nowhere" / "paths.png")
     with pytest.raises(SettingsError, match="docx"):
         figures.save_figure(drawn, tmp_path / "paths.docx")
@@ -135,7 +135,7 @@ def test_any_name_can_stand_in_a_figure(tmp_path: Path, name: str) -> None:
     assert name in texts(tmp_path / "grid.svg")
 
 
-def test_what_a_user_has_set_is_set_again_afterwards() -> None:
+def test_the_user_s_settings_are_back_after_a_figure() -> None:
     with rc_context({"font.size": 33.0, "text.usetex": True}):
         with figures.style():
             assert rcParams["font.size"] == 8.0

@@ -41,7 +41,7 @@ def test_a_box_is_as_large_in_its_picture_as_in_the_world():
 
 
 @pytest.mark.parametrize("order", [1, -1], ids=["near last", "near first"])
-def test_what_is_nearer_hides_what_is_behind_it(order):
+def test_a_nearer_solid_hides_the_one_behind_it(order):
     near, far = box((0.0, -0.02, 0.0), (0.05, -0.01, 0.05)), box((0, 0, 0), (0.1, 0.01, 0.05))
     drawn = [(far, BLUE), (near, RED)][::order]
     red, blue = dominant(
@@ -64,7 +64,7 @@ def test_solids_that_pierce_each_other_are_cut_where_they_meet():
     assert red.sum() > 2000
 
 
-def test_what_is_empty_is_transparent():
+def test_empty_space_is_transparent():
     picture = render([box((0, 0, 0), (0.01, 0.01, 0.01))], [RED], FROM_AHEAD)
     assert picture.pixels[0, 0, 3] == 0.0
     assert picture.pixels[..., 3].max() == 1.0

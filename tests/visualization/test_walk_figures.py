@@ -139,7 +139,7 @@ def test_the_sway_of_a_walk_along_a_slanted_sinusoid_is_that_sinusoid() -> None:
     assert amplitude == pytest.approx(0.02)
 
 
-def test_the_largest_torque_is_told_as_a_share_of_the_joint_s_own_limit(
+def test_the_largest_torque_is_a_share_of_the_joint_s_own_limit(
     history: History, tmp_path: Path
 ) -> None:
     limits = np.array([2.0, 1.0, 1.0, 1.0, 1.0] * 2)
