@@ -17,7 +17,7 @@ from drake_gait.cli._table import show
 from drake_gait.errors import GaitError, StudyError
 from drake_gait.files.shipped import find
 from drake_gait.files.strict_json import to_json
-from drake_gait.report.status import Standing, standing, studies_in
+from drake_gait.report.status import Status, read_status, studies_in
 from drake_gait.report.tables import Table
 
 Part = str | Table
@@ -66,12 +66,12 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 def _list(folder: Path) -> tuple[Sequence[Part], Any]:
     """Tell of all studies in a folder; one that cannot be read does not hide the others."""
-    found: list[Standing] = []
+    found: list[Status] = []
     paths, unreadable = studies_in(folder)
     errors = {str(path): text for path, text in unreadable.items()}
     for path in paths:
         try:
-            found.append(standing(path / "study.db"))
+            found.append(read_status(path / "study.db"))
         except GaitError as error:
             errors[str(path)] = " ".join(str(error).split("\n"))
     rows = [
@@ -98,7 +98,7 @@ def _list(folder: Path) -> tuple[Sequence[Part], Any]:
 
 def _show(path: Path) -> tuple[Sequence[Part], Any]:
     """Tell of one study."""
-    one = standing(find(path))
+    one = read_status(find(path))
     question = one.settings.get("study.question")
     parts: list[Part] = [f"{one.folder}: study {one.name}, seed {one.seed}, {one.state}"]
     parts += [question, ""] if question else [""]
@@ -117,7 +117,7 @@ def _compare(paths: Sequence[Path]) -> tuple[Sequence[Part], Any]:
     """Tell of several studies side by side, with what differs in how they were made."""
     if len(paths) < 2:
         raise StudyError(f"compare needs two studies; `show {paths[0]}` tells of one")
-    found = [standing(find(path)) for path in paths]
+    found = [read_status(find(path)) for path in paths]
     heads = ["", *(str(one.folder) for one in found)]
     rows = [["state", *(one.state for one in found)], *_numbers(found)]
     causes = dict.fromkeys(cause for one in found for cause in one.failures)
@@ -133,7 +133,7 @@ def _compare(paths: Sequence[Path]) -> tuple[Sequence[Part], Any]:
     return parts, [one.plain() for one in found]
 
 
-def _numbers(found: Sequence[Standing]) -> list[list[str]]:
+def _numbers(found: Sequence[Status]) -> list[list[str]]:
     """Return the figures of studies, one row each."""
     rows = [
         ["walks", *(f"{one.walks} of {one.total}" for one in found)],
@@ -152,7 +152,7 @@ def _numbers(found: Sequence[Standing]) -> list[list[str]]:
     return rows
 
 
-def _walks(one: Standing) -> Table:
+def _walks(one: Status) -> Table:
     rows = []
     for entry in one.best:
         walk = entry.walk
@@ -166,7 +166,7 @@ def _walks(one: Standing) -> Table:
     )
 
 
-def _versions(one: Standing) -> dict[str, Any]:
+def _versions(one: Status) -> dict[str, Any]:
     return {
         "robot's file (sha256)": one.model_sha256[:12],
         **{f"version of {name}": number for name, number in one.versions.items()},
@@ -183,7 +183,7 @@ def _differing(described: Sequence[dict[str, Any]]) -> list[list[str]]:
     ]
 
 
-def _best(one: Standing) -> str:
+def _best(one: Status) -> str:
     return f"{1e3 * one.best[0].walk.forward:.1f} mm" if one.best else "none"
 
 

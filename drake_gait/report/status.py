@@ -20,7 +20,7 @@ _BEST = 8  # As many walks as the paper's Table II has.
 
 
 @dataclass(frozen=True, kw_only=True)
-class Standing:
+class Status:
     """Status of a study when it was read."""
 
     folder: Path
@@ -116,7 +116,7 @@ class Standing:
         }
 
 
-def standing(path: str | Path) -> Standing:
+def read_status(path: str | Path) -> Status:
     """Return the status of the study in a folder; a running one is not disturbed.
 
     Raises:
@@ -129,7 +129,7 @@ def standing(path: str | Path) -> Standing:
     ended = "finished" if "finished" in description else "unfinished"
     feasible = feasible_walks(walks, settings.constraints, settings.search.objective)
     failures = Counter(walk.walk.failure for walk in walks if walk.is_search_walk)
-    return Standing(
+    return Status(
         folder=file.parent,
         state="running" if running else ended,
         settings=description["settings"],
