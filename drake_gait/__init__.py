@@ -4,7 +4,7 @@
     result = run_study(read_study(default_study()), "runs/mine")
     result.verdict, result.best.candidate
 
-Names are imported when they are first used, so that the pure parts load without Drake and torch.
+Names load when they are first used: the pure parts need neither Drake nor torch.
 """
 
 from importlib import import_module

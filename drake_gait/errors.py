@@ -1,4 +1,4 @@
-"""What can go wrong that a user can cure, as one tree.
+"""Errors that a user can cure, as one tree.
 
     GaitError                 every error below; a command prints its text and exits with status 2
     ├── SettingsError         a value that was given is not one that can be used

@@ -48,7 +48,7 @@ _NODE_PITCH: FloatArray = np.radians([15.0, 30.0, 15.0])  # hip, knee, ankle in 
 
 
 class Start(StrEnum):
-    """How a walk begins; it ends as in the paper."""
+    """Beginning of a walk; it ends as in the paper."""
 
     RAMP = "ramp"
     """The gait function grows from nothing by a raised cosine, from 0 to 0.9 s."""
@@ -132,7 +132,7 @@ class Gait:
         return np.clip(values, ANGLE_LIMITS[:, 0], ANGLE_LIMITS[:, 1])
 
     def commands_from(self, start: Start) -> FloatArray:
-        """What the servos are sent after a start, as `commands`, shape (241, 10)."""
+        """Return the commands to the servos after a start, as `commands`, shape (241, 10)."""
         return self.commands if start is Start.PAPER else self._ramped_commands
 
     @cached_property
@@ -151,7 +151,7 @@ class Gait:
 
     @cached_property
     def commands(self) -> FloatArray:
-        """What the servos are sent by the paper's schedule, frames 0 to 240 (Eqs. 3-9).
+        """Return the commands to the servos by the paper's schedule, frames 0 to 240 (Eqs. 3-9).
 
         Joint angles [rad], shape (241, 10), columns as JOINTS; frame k is sent at k * FRAME_TIME.
         """
@@ -181,7 +181,7 @@ class Gait:
 
     @property
     def jumps(self) -> FloatArray:
-        """How far the gait function misses the schedule's nodes at 0.3 s and 3.3 s.
+        """Return how far the gait function misses the schedule's nodes at 0.3 s and 3.3 s.
 
         Angles [rad], shape (2, 10), columns as JOINTS. The command covers each in one frame.
         """

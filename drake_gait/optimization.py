@@ -1,7 +1,7 @@
-"""One study in its folder: opened or gone on with, searched to its end, and what came out.
+"""One study in its folder: started or resumed, searched to its end, with its result.
 
-result = run_study(settings, "runs/mine", workers=2, progress=print)
-result.winner.candidate, result.verdict
+result = run_study(settings, "runs/mine", workers=2)
+result.best.candidate, result.verdict
 """
 
 import functools
@@ -9,7 +9,7 @@ import itertools
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -44,7 +44,7 @@ STARTING_TIME = 60.0  # What a worker may need beside its walk, to import and to
 
 
 def open_study(settings: StudySettings, folder: Path, proposer: Proposer | None = None) -> Study:
-    """Return the folder's study, to start or to go on with, as its driver.
+    """Return the folder's study, new or to be resumed, as its driver.
 
     A study whose budget has grown is unfinished again.
 
@@ -83,7 +83,7 @@ def open_study(settings: StudySettings, folder: Path, proposer: Proposer | None 
 
 
 def is_finished(settings: StudySettings, folder: Path) -> bool:
-    """Whether the folder holds this study, at its end.
+    """Return whether the folder holds this study, at its end.
 
     Raises:
         StudyError: it holds another one.
@@ -106,7 +106,7 @@ def _name(proposer: Proposer | None, settings: StudySettings) -> str | None:
 
 
 def _require_proposer(study: Study, name: str | None) -> None:
-    """Refuse to go on with a study with another proposer than it began with."""
+    """Refuse to resume a study with another proposer than it began with."""
     known = study.description().get(PROPOSER)
     if known != name:
         mode = "that of its mode"
@@ -118,7 +118,7 @@ def _require_proposer(study: Study, name: str | None) -> None:
 
 
 def _wanted(settings: StudySettings, model: RobotModel) -> dict[str, Any]:
-    """What a study must have begun with, to be this one."""
+    """Return the settings and the robot that identify a study."""
     return {"settings": settings.description(), "model_sha256": model.sha256}
 
 
@@ -155,8 +155,8 @@ def run_study(
 ) -> StudyResult:
     """Search a study to its end, confirm its winner, and return what came out.
 
-    The folder keeps every walk. The same call again goes on where the last one was stopped, and a
-    larger budget goes on with a finished study. The walks depend on the settings and the proposer
+    The folder keeps every walk. The same call again resumes a study that was stopped, and a larger
+    budget extends a finished one. The walks depend on the settings and the proposer
     alone. `write_report` makes the report and figures. It works in any thread.
 
     Args:
@@ -185,7 +185,7 @@ def run_study(
         if "finished" in study.description():
             pass
         elif executor is not None:
-            bound = _OnRobot(executor, robot_of(study).for_walks())
+            bound = OnRobot(executor, robot_of(study).for_walks())
             search_study(settings, study, bound, tell, proposer=proposer)
         else:
             count = workers or default_workers(useful_workers(settings, proposer))
@@ -217,10 +217,17 @@ def search_study(
     Raises:
         WorkerError: no worker is left; what was simulated is safe.
     """
+    with to_its_end(study, executor):
+        search(settings, study, executor.run, progress, proposer=proposer)
+
+
+@contextmanager
+def to_its_end(study: Study, executor: Executor) -> Iterator[None]:
+    """Add up a study's time on the clock and deaths of workers; mark it as finished at the end."""
     started, before = time.monotonic(), study.description()
     deaths, earlier = Counter(before.get("worker_deaths", {})), Counter(executor.deaths)
     try:
-        search(settings, study, executor.run, progress, proposer=proposer)
+        yield
     finally:
         study.set("worker_deaths", deaths + (Counter(executor.deaths) - earlier))
         study.set("wall_s", before.get("wall_s", 0.0) + time.monotonic() - started)
@@ -249,7 +256,7 @@ def workers_of(
     return DaskCluster(walk, dask, count=count, time_limit=limit)
 
 
-class _OnRobot:
+class OnRobot:
     """An executor whose trials carry the robot that a study keeps, whatever became of its file."""
 
     def __init__(self, executor: Executor, model: RobotModel) -> None:
@@ -257,9 +264,11 @@ class _OnRobot:
 
     @property
     def deaths(self) -> Mapping[str, int]:
+        """Return how workers died, and how often."""
         return self._executor.deaths
 
     def run(self, trials: Sequence[Trial]) -> Iterator[Finished]:
+        """Start to walk all trials; yield each as it finishes."""
         return self._executor.run(
             [
                 replace(trial, settings=replace(trial.settings, model=self._model))

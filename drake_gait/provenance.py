@@ -1,4 +1,4 @@
-"""What decides a walk's numbers: the versions of libraries, and fingerprints of files."""
+"""Identity of the code: versions of libraries and fingerprints of files, which decide a walk."""
 
 import hashlib
 import platform

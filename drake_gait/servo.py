@@ -15,15 +15,13 @@ TRAVEL = math.radians(135.0)
 class Servo:
     """A position servo: a proportional-derivative controller driving a direct-current motor.
 
-    The controller's torque is held within the stall torque, and the motor's back-EMF takes from it
-    in proportion to the speed, so that at the no-load speed nothing is left:
+    The controller's torque is held within the stall torque. The motor's back-EMF takes from it in
+    proportion to the speed, and at the no-load speed nothing is left. This is the torque-speed line
+    of the motor, with the speed limit as its end. The stall torque is the joint's effort limit in
+    the robot's SDF file. A servo is sent positions, so its damping acts on its own speed. Drake
+    1.51.1's CENIC would also take a desired speed, but with the wrong sign.
 
         torque = clip(stiffness * (q_d - q) - damping * v, ± stall) - stall * v / no_load
-
-    A servo is sent positions, so its damping acts on its own speed. (Drake 1.51.1's CENIC would
-    also take a desired speed, but with the wrong sign.)
-    This is the torque-speed line of the motor, with the speed limit as its end. The stall torque is
-    the joint's effort limit in the robot's SDF file.
     """
 
     stiffness: float = 20.0

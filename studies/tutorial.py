@@ -1,11 +1,10 @@
 """From a first gait to a co-designed foot: `python studies/tutorial.py`, about ten minutes.
 
-Cells begin with `# %%`: an editor or Jupyter can run them one by one.
-docs/tutorial/gait_to_foot.md says what is
-to be seen. `--samples 28 --simulations 30` makes it a matter of a minute, and teaches nothing.
+docs/tutorial/gait_to_foot.md explains what it prints. tutorial.ipynb has the same cells, for
+Jupyter. The smallest budget, `--samples 28 --simulations 30`, takes a minute and teaches nothing.
 """
 
-# %% What this run may spend, and where it writes.
+# %% Budget and folder. A notebook takes the defaults below: change them here.
 import argparse
 from dataclasses import replace
 from pathlib import Path
@@ -69,7 +68,7 @@ violations = assess(walk, Constraints()).violations
 named = zip(Constraints().names, violations, strict=True)
 print("   violations: " + ", ".join(f"{name} {value:.2f}" for name, value in named))
 
-# %% 2. Look at it: a recording for the browser, and what the joints did.
+# %% 2. Look at it. A recording for the browser, and what the joints did.
 if walk.history is not None:
     record(walk, first, options.out / "first.html", caption="the tutorial's first gait")
     waveforms(walk.history, options.out / "first_waveforms.png")
@@ -77,9 +76,9 @@ if walk.history is not None:
     print(f"2. {options.out}/first.html; the toes bend up to {toes.round(1)} degrees")
 
 
-# %% 3. Perturb it: every coefficient changed by a normal number of 0.05 degrees.
+# %% 3. Perturb it. Every coefficient changes by a normal number of 0.05 degrees.
 def perturbed(candidate: Candidate, count: int = 8) -> str:
-    """How a candidate walks where its servos are not quite true, in words."""
+    """Return how a candidate walks with servos that are not quite true, in words."""
     rng = np.random.default_rng(0)
     walks = []
     for _ in range(count):
@@ -95,9 +94,9 @@ def perturbed(candidate: Candidate, count: int = 8) -> str:
 print(f"3. the first gait, perturbed: {perturbed(first)}")
 
 
-# %% 4. A small study: a Latin hypercube around that gait, and a search.
+# %% 4. A small study. A Latin hypercube around that gait, and a search.
 def run(settings: StudySettings, folder: Path) -> StudyResult:
-    """Run a study and write its report; run again, it goes on where it was stopped."""
+    """Run a study, or resume it, and write its report."""
     run_study(settings, folder)
     return write_report(folder)
 
@@ -105,7 +104,7 @@ def run(settings: StudySettings, folder: Path) -> StudyResult:
 found = run(settings, options.out / "gait")
 print(f"4. {found.verdict}")
 
-# %% 5. What its samples say: how many walk, and what a network learns from them.
+# %% 5. What the samples say. How many walk, and what a network learns from them.
 with Study.open(options.out / "gait") as study:
     walks = study.walks()
 samples = [walk for walk in walks if walk.stage == "design"]
@@ -119,9 +118,9 @@ for name, train, heldout in zip(
     print(f"   R² of {name:<10}  walks learnt from {train:5.2f}   held out {heldout:5.2f}")
 
 
-# %% 6. What the search made of it: the furthest walk, and the one that survived its confirmation.
+# %% 6. What the search made of it. The furthest walk, and the one that was confirmed.
 def robustness(result: StudyResult) -> str:
-    """What a study's best walk is worth, in words."""
+    """Return what a study's best walk is worth, in words."""
     if result.winner is None:
         return "the furthest; none was robust"
     first = result.finalists[0]
@@ -135,7 +134,7 @@ print(f"6. best sample:  {in_words(best_walk(samples, settings.constraints).walk
 print(f"   furthest:     {in_words(furthest.walk)}")
 print(f"   winner:       {in_words(on_paper_foot.walk)} ({robustness(found)})")
 
-# %% 7. Open the foot: the same study, with springs and width of the big toe to be chosen [SI].
+# %% 7. Open the foot. The same study also chooses springs and width of the big toe [SI].
 ranges = (
     ("big_toe_stiffness", 0.1 * N_MM_PER_DEG, 2.6 * N_MM_PER_DEG),
     ("lesser_toes_stiffness", 0.05 * N_MM_PER_DEG, 1.3 * N_MM_PER_DEG),
@@ -148,9 +147,9 @@ assert codesigned is not None
 print(f"7. winner:       {in_words(codesigned.walk)} ({robustness(designed)})")
 
 
-# %% 8. Compare: nominal, perturbed, and in the finer steps of the reference.
+# %% 8. Compare. Nominal, perturbed, and in the finer steps of the reference.
 def foot_in_words(foot: FootDesign) -> str:
-    """The foot's design as people write it."""
+    """Return a foot's design as people write it."""
     return (
         f"big toe {1e3 * foot.big_toe_width:.1f} mm and "
         f"{foot.big_toe_stiffness / N_MM_PER_DEG:.2f} N·mm/deg, "

@@ -64,9 +64,15 @@ class Opened:
 
 @contextmanager
 def opened(
-    address: str, *, width: int = 1000, height: int = 700, scheme: str = "light",
-    offline: bool = True, lacking: str = "", scripts: bool = True,
-) -> Iterator[Opened]:  # fmt: skip
+    address: str,
+    *,
+    width: int = 1000,
+    height: int = 700,
+    scheme: str = "light",
+    offline: bool = True,
+    lacking: str = "",
+    scripts: bool = True,
+) -> Iterator[Opened]:
     """A page in Chromium.
 
     Args:
@@ -84,9 +90,11 @@ def opened(
             executable_path=CHROMIUM, args=arguments, timeout=PATIENCE
         )
         context = browser.new_context(
-            offline=offline, viewport={"width": width, "height": height}, color_scheme=scheme,
+            offline=offline,
+            viewport={"width": width, "height": height},
+            color_scheme=scheme,
             java_script_enabled=scripts,
-        )  # fmt: skip
+        )
         context.set_default_timeout(PATIENCE)
         context.add_init_script(_COUNT_PARTS)
         context.add_init_script(lacking)

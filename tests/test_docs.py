@@ -1,6 +1,7 @@
 """What README, CONTRIBUTING and docs/ say can be done."""
 
 import argparse
+import json
 import re
 import runpy
 import shlex
@@ -244,12 +245,33 @@ def test_the_api_names_its_modules_as_python_does():
         assert re.findall(r"`(.*?)`", names) == headings == modules, file
 
 
+TUTORIAL = ROOT / "studies" / "tutorial.py"
+
+
+def code_cells():
+    """Code of every cell of the tutorial's notebook."""
+    content = json.loads(TUTORIAL.with_suffix(".ipynb").read_text(encoding="utf-8"))
+    return ["".join(cell["source"]) for cell in content["cells"] if cell["cell_type"] == "code"]
+
+
+def test_the_notebook_is_the_tutorial_s_script_without_outputs():
+    make = runpy.run_path(str(ROOT / "tools" / "make_notebook.py"))
+    script = TUTORIAL.read_text(encoding="utf-8")
+    written = TUTORIAL.with_suffix(".ipynb").read_text(encoding="utf-8")
+    assert written == make["notebook"](script), "run python tools/make_notebook.py"
+    _, _, code = script.partition("# %%")
+    kept = [line for line in "\n".join(code_cells()).splitlines() if line.strip()]
+    wanted = [line for line in code.splitlines()[1:] if line.strip() and line[:4] != "# %%"]
+    assert kept == wanted
+
+
 @pytest.mark.slow
-def test_the_tutorial_runs_to_its_end(tmp_path, monkeypatch, capfd):
-    script = ROOT / "studies" / "tutorial.py"
+def test_the_notebook_s_cells_run_one_after_the_other(tmp_path, monkeypatch, capfd):
     budget = ["--samples", "28", "--simulations", "30", "--out", str(tmp_path / "tutorial")]
-    monkeypatch.setattr(sys, "argv", [str(script), *budget])
-    runpy.run_path(str(script), run_name="__main__")
+    monkeypatch.setattr(sys, "argv", ["ipykernel_launcher.py", "-f", "kernel.json", *budget])
+    names = {"__name__": "__main__"}
+    for place, code in enumerate(code_cells()):
+        exec(compile(code, f"cell {place}", "exec", dont_inherit=True), names)
     printed = capfd.readouterr().out
     for step in range(1, 9):
         assert f"\n{step}. " in f"\n{printed}"

@@ -28,7 +28,7 @@ def test_the_default_servo_gives_its_stall_torque_as_far_off_the_command_as_its_
 
 @pytest.mark.parametrize("name", FIELDS)
 @pytest.mark.parametrize("value", [np.nan, 0.0, -1.0, np.inf, 1e6])
-def test_a_servo_with_a_value_that_is_none_is_refused_by_its_name(name, value):
+def test_an_unusable_value_of_a_servo_is_refused_by_its_name(name, value):
     with pytest.raises(SettingsError, match=rf"servo {name} must be > 0.*got {value}"):
         Servo(**{name: value})
 

@@ -1,13 +1,13 @@
-"""How well what a search had learnt told its next batch, with and without kriged errors.
+"""Score a search's predictions of its next batch, with and without kriged errors.
 
     python tools/bench_ahead.py runs/bench_search/default/seed-*
 
-As in a search: the network learns from all walks but the last batch, its errors are kriged with
-those of that batch, and the next batch is predicted; again after every third, from 300 walks on.
-It prints means over all of these: correlation of each output among the survivors, the area under
-the curve of survival and of a feasible walk, and the logarithm of the probability that was given
-to what became of a walk, feasible or not (0 is certainty). Of walks that a surrogate has chosen
-itself it knows less than of others: who chose them is at a disadvantage.
+It learns as a search does. The network learns from all walks but the last batch, its errors are
+kriged with those of that batch, and the next batch is predicted. That is repeated after every third
+batch, from 300 walks on. The table has means over all of these. It has the correlation of each
+output among the survivors, and the area under the curve of survival and of a feasible walk. Its
+last column is the logarithm of the probability given to the outcome; 0 is certainty. A surrogate
+knows less of walks that it has chosen itself: who chose them is at a disadvantage.
 """
 
 import argparse
@@ -17,6 +17,7 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from markdown_table import heading, row
 from numpy.typing import NDArray
 
 from drake_gait.search.acquisition import Acquisition
@@ -98,11 +99,10 @@ def main() -> None:
         found += rows
     columns = [f"r of {name}" for name in outputs]
     columns += ["AUC of survival", "AUC of feasible", "log probability"]
-    print(f"{len(found)} batches\n\n| model | {' | '.join(columns)} |")
-    print("|---|" + "---|" * len(columns))
+    print(f"{len(found)} batches\n\n{heading(['model', *columns])}")
     for name in found[0]:
-        means = np.nanmean([row[name] for row in found], axis=0)
-        print(f"| {name} | {' | '.join(f'{mean:.2f}' for mean in means)} |")
+        means = np.nanmean([one[name] for one in found], axis=0)
+        print(row([name, *(f"{mean:.2f}" for mean in means)]))
 
 
 if __name__ == "__main__":

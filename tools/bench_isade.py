@@ -4,8 +4,8 @@
     python tools/bench_isade.py --output isade.jsonl --solvers scipy cmaes  only these
     python tools/bench_isade.py --own-time                                  ISADE's own time
 
-Every run stops when it evaluates a feasible point within 1e-4 (relative) of the optimum, or when
-its evaluations are spent: 30 000 with constraints, 60 000 without. Each run is one line of the
+A run stops at a feasible point within 1e-4 (relative) of the optimum. Or it stops when its
+evaluations are spent: 30 000 with constraints, 60 000 without. Each run is one line of the
 output file, written when it ends; runs already in the file are not repeated. Other optimisers run
 with the settings they come with. Those that know no constraints (L-SHADE, CMA-ES) minimise one
 number that orders points by the rules of feasibility.
@@ -24,6 +24,7 @@ from pathlib import Path
 
 import numpy as np
 from isade_problems import PROBLEMS, TUNING, Problem
+from markdown_table import heading, row
 from numpy.typing import NDArray
 
 from drake_gait.optimizers._variation import neighbours
@@ -40,7 +41,7 @@ PROBE_SIZE = 60
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """How one solver fared on one problem with one seed."""
+    """A run of one solver on one problem with one seed."""
 
     solver: str
     problem: str
@@ -260,18 +261,16 @@ def table(runs: list[Run], solvers: list[str], problems: list[str]) -> Iterator[
         for problem in problems
         for solver in solvers
     }
-    yield "| problem | half | " + " | ".join(solvers) + " |"
-    yield "|---|---|" + "---:|" * len(solvers)
+    yield heading(["problem", "half", *solvers], words=2)
     for problem in problems:
-        row = [_cell(cells[problem, solver]) for solver in solvers]
         half = "tuned" if problem in TUNING else "held out"
-        yield f"| {problem} | {half} | " + " | ".join(row) + " |"
+        yield row([problem, half, *(_cell(cells[problem, solver]) for solver in solvers)])
     for half, inside in (("tuned", True), ("held out", False)):
         members = [p for p in problems if (p in TUNING) == inside]
-        row = [
+        sums = (
             _cell([r for p in members for r in cells[p, solver]], total=True) for solver in solvers
-        ]
-        yield f"| **sum** | {half} | " + " | ".join(row) + " |"
+        )
+        yield row(["**sum**", half, *sums])
 
 
 def _cell(runs: list[Run], *, total: bool = False) -> str:
@@ -284,18 +283,14 @@ def _cell(runs: list[Run], *, total: bool = False) -> str:
 
 def own_time() -> Iterator[str]:
     """Lines of a Markdown table: ISADE's time for one generation beside that of bare DE."""
-    yield (
-        "| d | n | bare rand/1/bin [µs] | "
-        + " | ".join(f"{v} [µs] | ratio" for v in VARIANTS)
-        + " |"
-    )
-    yield "|---:|---:|---:|" + "---:|---:|" * len(VARIANTS)
+    columns = [name for variant in VARIANTS for name in (f"{variant} [µs]", "ratio")]
+    yield heading(["d", "n", "bare rand/1/bin [µs]", *columns], words=0)
     for d in (16, 30, 50, 100):
         # Turns alternate, and the best of many counts: other work on the machine only adds time.
         turns = [[_bare_seconds(d), *(_isade_seconds(d, v) for v in VARIANTS)] for _ in range(25)]
         bare, *own = (1e6 * np.min(turns, axis=0)).tolist()
-        row = " | ".join(f"{t:.0f} | {t / bare:.2f}" for t in own)
-        yield f"| {d} | {PROBE_SIZE} | {bare:.0f} | {row} |"
+        times = (text for t in own for text in (f"{t:.0f}", f"{t / bare:.2f}"))
+        yield row([d, PROBE_SIZE, f"{bare:.0f}", *times])
 
 
 def _bare_seconds(d: int, generations: int = 200) -> float:

@@ -1,11 +1,11 @@
-"""How a study scales: walks per second by workers, and what the driver costs.
+"""Measure how a study scales: walks per second by workers, and the cost of the driver.
 
     python tools/bench_scaling.py real [--walks N]      # 1 and 2 processes on real walks
     python tools/bench_scaling.py driver [--dask]       # up to 256 stand-in workers, 0.25 s a walk
     python tools/bench_scaling.py search [--dask]       # whole searches on them, by batch
 
-A stand-in worker is a thread that sleeps, so that 256 of them cost no processor; with --dask it is
-a thread of a Dask worker in another process, behind a scheduler.
+A stand-in worker is a thread that sleeps: 256 of them cost no processor. With --dask it is a thread
+of a Dask worker in another process, behind a scheduler.
 """
 
 import argparse
@@ -53,9 +53,13 @@ def sleep(trial: Trial) -> Timed:
     time.sleep(WALK_TIME)
     away = float(np.abs(trial.candidate.gait.coefficients).sum())
     walk = Walk(
-        outcome=Outcome.WALKED, frames=240, forward=0.5 - 0.1 * away, lateral=0.001, yaw=0.01,
+        outcome=Outcome.WALKED,
+        frames=240,
+        forward=0.5 - 0.1 * away,
+        lateral=0.001,
+        yaw=0.01,
         com_height=0.245,
-    )  # fmt: skip
+    )
     return walk, WALK_TIME
 
 
@@ -95,7 +99,7 @@ def bench_real(settings: StudySettings, walks: int) -> None:
 
 
 def bench_driver(settings: StudySettings, dask: bool) -> None:
-    """What the workers, the futures and the store let through."""
+    """Print the walks per second that workers, futures and store let through."""
     with tempfile.TemporaryDirectory() as folder:
         for count in COUNTS:
             trials = trials_of(settings.space, 8 * count)

@@ -1,11 +1,11 @@
-"""What tells whether a gait bears noise: how it is walked, beside how its perturbed walks scatter.
+"""Correlate the measures of a gait with the scatter of its perturbed walks.
 
-    python tools/bench_scatter.py runs/bench_search/default/seed-* runs/bench_search/cmaes/seed-*
+    python tools/bench_scatter.py runs/bench_search/*/seed-*
 
-Of every study, the candidates that its confirmation walked at least twice: median range of X and
-of yaw over the walk itself and its first two variations, and medians of measures of the walk
-itself, which is simulated again for them. Then each measure's rank correlation with the scatter,
-between the studies (their medians) and within one (median over the studies).
+It takes the candidates that a confirmation walked at least twice. The first table has the median
+range of X and of yaw over the walk and its first two variations. It has medians of measures of the
+walk, which is simulated again for them. The second table has each measure's rank correlation with
+the scatter: between the studies (their medians), and within one (median over the studies).
 """
 
 import argparse
@@ -16,6 +16,7 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from markdown_table import heading, row
 from scipy.stats import spearmanr
 
 from drake_gait.gait import FloatArray
@@ -59,8 +60,9 @@ def main() -> None:
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN", help="folder of a study")
     names = [field.name for field in fields(Measures)]
     studies = []
-    print("| study | candidates | Z mm | range of X mm | of yaw deg | yaw swing deg | slip mm "
-          "| tilt deg | peak reaction |\n|---|---|---|---|---|---|---|---|---|")  # fmt: skip
+    columns = ["study", "candidates", "Z [mm]", "range of X [mm]", "of yaw [deg]"]
+    columns += ["yaw swing [deg]", "slip [mm]", "tilt [deg]", "peak reaction [weights]"]
+    print(heading(columns))
     for run in parser.parse_args().runs:
         ranges, scatter, measures = scattered(run)
         studies.append((scatter, measures))
@@ -69,16 +71,16 @@ def main() -> None:
             unit * np.median(measures[:, names.index(name)])
             for name, unit in zip(_SHOWN, units, strict=True)
         ]
-        cells = " | ".join(f"{value:.1f}" for value in (*np.median(ranges, axis=0), *shown))
-        print(f"| {run.parent.name}/{run.name} | {len(ranges)} | {cells} |", flush=True)
+        cells = (f"{value:.1f}" for value in (*np.median(ranges, axis=0), *shown))
+        print(row([f"{run.parent.name}/{run.name}", len(ranges), *cells]), flush=True)
     medians = [np.median(scatter) for scatter, _ in studies]
-    print("\n| measure | between studies | within one |\n|---|---|---|")
+    print(f"\n{heading(['measure', 'between studies', 'within one'])}")
     for column, name in enumerate(names):
         between = spearmanr([np.median(found[:, column]) for _, found in studies], medians)
         within = np.median(
             [spearmanr(found[:, column], scatter).statistic for scatter, found in studies]
         )
-        print(f"| {name} | {between.statistic:.2f} | {within:.2f} |")
+        print(row([name, f"{between.statistic:.2f}", f"{within:.2f}"]))
 
 
 if __name__ == "__main__":

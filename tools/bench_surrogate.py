@@ -4,11 +4,11 @@ r"""Learning curve of the network beside ridge, quadratic ridge, a Gaussian proc
         --set confirmation.walks=0 --out runs/lhs2000
     python tools/bench_surrogate.py runs/lhs2000 --figure docs/images/learning_curve.png
 
-Of the walks of one or more studies with the same box (those of the design of experiments; with
---all, every one) random subsets are drawn; every model predicts each walk from the folds of the
-network that do not hold it. It prints R² of Z, X and yaw of the survivors, the area under the curve
-of survival, and the processor time of fitting to all folds, each the median of the draws, and the
-smallest and largest R² of Z. The network classifies; the others regress survival as 0 or 1.
+It draws random subsets of the walks of studies with the same box. These are the walks of the design
+of experiments, or all with `--all`. Every model predicts each walk from the folds of the network
+that do not hold it. The table has medians over the draws. Its columns are R² of Z, X and yaw of
+the survivors, the area under the curve of survival, and the processor time of all folds. The last
+column is the range of R² of Z. The network classifies; the others regress survival as 0 or 1.
 """
 
 import argparse
@@ -20,6 +20,7 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from markdown_table import heading, row
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from sklearn.ensemble import RandomForestRegressor
@@ -119,8 +120,7 @@ def learning_curve(data: Data, counts: Sequence[int], draws: int) -> dict[tuple[
 def _row(count: int, name: str, rows: Array) -> str:
     middle = np.median(rows, axis=0)
     spread = f"{rows[:, 0].min():.2f} to {rows[:, 0].max():.2f}"
-    cells = [str(count), name, *(f"{value:.2f}" for value in middle), spread]
-    return f"| {' | '.join(cells)} |"
+    return row([count, name, *(f"{value:.2f}" for value in middle), spread])
 
 
 def draw(found: dict[tuple[int, str], Array], path: Path) -> None:
@@ -131,12 +131,24 @@ def draw(found: dict[tuple[int, str], Array], path: Path) -> None:
     for column, axes in enumerate(panels):
         for name in NAMES:
             rows = [found[count, name][:, column] for count in counts]
-            middle = [np.median(row) for row in rows]
-            (line,) = axes.plot(counts, middle, marker="o", markersize=3, label=name,
-                                linewidth=2.2 if name == "network" else 1.2)  # fmt: skip
+            middle = [np.median(one) for one in rows]
+            (line,) = axes.plot(
+                counts,
+                middle,
+                marker="o",
+                markersize=3,
+                label=name,
+                linewidth=2.2 if name == "network" else 1.2,
+            )
             if name == "network":
-                axes.fill_between(counts, [row.min() for row in rows], [row.max() for row in rows],
-                                  color=line.get_color(), alpha=0.15, linewidth=0)  # fmt: skip
+                axes.fill_between(
+                    counts,
+                    [one.min() for one in rows],
+                    [one.max() for one in rows],
+                    color=line.get_color(),
+                    alpha=0.15,
+                    linewidth=0,
+                )
         axes.set(xscale="log", xlabel="walks simulated", title=COLUMNS[column])
         axes.set_ylim((0.5, 1.0) if column == 3 else (-0.1, 1.0))
         axes.set_xticks(counts, [str(count) for count in counts], minor=False, fontsize=7)
@@ -160,8 +172,7 @@ def main() -> None:
     data = read(options.studies, options.study, every=options.all)
     counts = [count for count in options.counts if count <= len(data[0])]
     print(f"{len(data[0])} walks, {int(data[2].sum())} survived; {options.draws} draws\n")
-    print(f"| walks | model | {' | '.join(COLUMNS)} | Z, range |")
-    print("|---|---|" + "---|" * (len(COLUMNS) + 1))
+    print(heading(["walks", "model", *COLUMNS, "Z, range"], words=2))
     found = learning_curve(data, counts, options.draws)
     if options.figure:
         draw(found, options.figure)

@@ -1,4 +1,4 @@
-"""What a new foot costs a walk, and what it changes that every foot starts from the same pose.
+"""Measure the cost of a new foot, and the effect of one starting pose for all feet.
 
     python tools/bench_toes.py [--feet 24]
 
@@ -61,11 +61,16 @@ def walk_from(candidate: Candidate, positions: FloatArray) -> Walk:
 def differences(pairs: list[tuple[Walk, Walk]]) -> str:
     """Median and 90th percentile of |ΔZ|, |ΔX| [mm] and |Δyaw| [degrees] where both survived."""
     both = [(one, two) for one, two in pairs if one.survived and two.survived]
-    apart = np.abs([
-        [1e3 * (one.forward - two.forward), 1e3 * (one.lateral - two.lateral),
-         np.degrees(one.yaw - two.yaw)]
-        for one, two in both
-    ])  # fmt: skip
+    apart = np.abs(
+        [
+            [
+                1e3 * (one.forward - two.forward),
+                1e3 * (one.lateral - two.lateral),
+                np.degrees(one.yaw - two.yaw),
+            ]
+            for one, two in both
+        ]
+    )
     other = sum(one.survived != two.survived for one, two in pairs)
     median, most = np.median(apart, axis=0), np.percentile(apart, 90, axis=0)
     cells = [f"{low:.2f} ({high:.2f})" for low, high in zip(median, most, strict=True)]

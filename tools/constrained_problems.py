@@ -1,9 +1,9 @@
 """Costs and constraints of constrained test problems, for many points at once.
 
-Engineering designs: Coello Coello (2000), Sandgren (1990), Golinski (1973), Himmelblau (1972), in
-the forms collected by Mezura-Montes and Coello Coello (2005). g01-g13: Liang et al., "Problem
-definitions and evaluation criteria for the CEC 2006 special session on constrained real-parameter
-optimization" (2006).
+Engineering designs: Coello Coello (2000), Sandgren (1990), Golinski (1973), Himmelblau (1972).
+Mezura-Montes and Coello Coello (2005) collected their forms. Problems g01 to g13: Liang et al.,
+"Problem definitions and evaluation criteria for the CEC 2006 special session on constrained
+real-parameter optimization" (2006).
 
 Each function takes points, shape (n, d), to costs, shape (n,), and constraints, shape (n, m),
 satisfied at or below 0.
@@ -205,10 +205,21 @@ def g07(x: Array) -> tuple[Array, Array]:
     """Ten variables, eight inequalities."""
     x1, x2, x3, x4, x5, x6, x7, x8, x9, x10 = x.T
     cost = (
-        x1**2 + x2**2 + x1 * x2 - 14 * x1 - 16 * x2 + (x3 - 10) ** 2 + 4 * (x4 - 5) ** 2
-        + (x5 - 3) ** 2 + 2 * (x6 - 1) ** 2 + 5 * x7**2 + 7 * (x8 - 11) ** 2
-        + 2 * (x9 - 10) ** 2 + (x10 - 7) ** 2 + 45
-    )  # fmt: skip
+        x1**2
+        + x2**2
+        + x1 * x2
+        - 14 * x1
+        - 16 * x2
+        + (x3 - 10) ** 2
+        + 4 * (x4 - 5) ** 2
+        + (x5 - 3) ** 2
+        + 2 * (x6 - 1) ** 2
+        + 5 * x7**2
+        + 7 * (x8 - 11) ** 2
+        + 2 * (x9 - 10) ** 2
+        + (x10 - 7) ** 2
+        + 45
+    )
     return cost, _stack(
         -105 + 4 * x1 + 5 * x2 - 3 * x7 + 9 * x8,
         10 * x1 - 8 * x2 - 17 * x7 + 2 * x8,
@@ -234,9 +245,17 @@ def g09(x: Array) -> tuple[Array, Array]:
     """Seven variables, four inequalities."""
     x1, x2, x3, x4, x5, x6, x7 = x.T
     cost = (
-        (x1 - 10) ** 2 + 5 * (x2 - 12) ** 2 + x3**4 + 3 * (x4 - 11) ** 2 + 10 * x5**6
-        + 7 * x6**2 + x7**4 - 4 * x6 * x7 - 10 * x6 - 8 * x7
-    )  # fmt: skip
+        (x1 - 10) ** 2
+        + 5 * (x2 - 12) ** 2
+        + x3**4
+        + 3 * (x4 - 11) ** 2
+        + 10 * x5**6
+        + 7 * x6**2
+        + x7**4
+        - 4 * x6 * x7
+        - 10 * x6
+        - 8 * x7
+    )
     return cost, _stack(
         -127 + 2 * x1**2 + 3 * x2**4 + x3 + 4 * x4**2 + 5 * x5,
         -282 + 7 * x1 + 3 * x2 + 10 * x3**2 + x4 - x5,

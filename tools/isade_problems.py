@@ -1,7 +1,7 @@
 """Test problems with published optima: the constrained ones, and 16 variables shifted and rotated.
 
-Smooth and multimodal functions have their usual definitions, with the optimum moved away from the
-origin, and turned by a random rotation where the name says so.
+Smooth and multimodal functions have their usual definitions. The optimum is moved away from the
+origin. Functions whose name says so are turned by a random rotation.
 """
 
 from collections.abc import Callable
@@ -35,7 +35,7 @@ class Problem:
 
     @property
     def constrained(self) -> bool:
-        """Whether there is any constraint besides the bounds."""
+        """Return whether there is any constraint besides the bounds."""
         return self.evaluate(self.bounds[:, 0][None])[1].shape[1] > 0
 
 

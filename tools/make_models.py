@@ -1,13 +1,13 @@
 """Write models/khr3hv.sdf and models/khr3hv_cad.sdf from one table: `python tools/make_models.py`.
 
 Link masses, centres of mass, inertias and joint origins are those of a public CAD model of the
-KHR-3HV (MIT licence; the upright pose; x forward, y left of the mid-plane, z above the sole). The
-foot is the paper's (section II.B): a heel plate and two sprung toes side by side on the outline of
-the real foot. Nothing here is imported by the package.
+KHR-3HV (MIT licence). They are given in the upright pose: x forward, y left of the mid-plane, z
+above the sole. The foot is the paper's (section II.B): a heel plate and two sprung toes side by
+side, on the outline of the real foot. Nothing here is imported by the package.
 
-`khr3hv.sdf` splits 1.5 kg between body and legs so that the standing centre of mass is 245.0 mm
-above the ground, where the paper's limit of 243.53 mm means 'upright'; `khr3hv_cad.sdf` keeps the
-CAD's own distribution, scaled to 1.5 kg.
+`khr3hv.sdf` splits 1.5 kg between body and legs. Its standing centre of mass is 245.0 mm above the
+ground: there the paper's limit of 243.53 mm means 'upright'. `khr3hv_cad.sdf` keeps the CAD's own
+distribution, scaled to 1.5 kg.
 """
 
 import argparse
@@ -236,6 +236,17 @@ class Shape:
     """Whether it is the twin of a left-hand shape."""
 
 
+def box(
+    name: str,
+    lower: Vector,
+    upper: Vector,
+    colour: str | None = None,
+    touch: tuple[float, float] | None = None,
+) -> Shape:
+    """A box between two corners, see `Shape`."""
+    return Shape(name=name, lower=lower, upper=upper, colour=colour, touch=touch)
+
+
 def disc(name: str, axis: str, centre: Vector, radius: float, depth: float, colour: str) -> Shape:
     """A round bar to be seen: a servo's horn, a bearing, an eye."""
     half = np.where(np.array(list("xyz")) == axis, depth / 2.0, radius)
@@ -272,143 +283,113 @@ GLOW, ORANGE, SKY = "0.45 0.80 0.98 1", "0.90 0.60 0.00 1", "0.34 0.71 0.91 1"
 
 TORSO_SHAPES = (
     # What is touched when it falls.
-    Shape(name="chest", lower=(-0.030, -0.048, 0.288), upper=(0.040, 0.048, 0.358),
-          touch=BODY_FRICTION),
-    Shape(name="backpack", lower=(-0.058, -0.040, 0.290), upper=(-0.030, 0.040, 0.365),
-          colour=GREY, touch=BODY_FRICTION),
-    Shape(name="waist", lower=(-0.022, -0.030, 0.250), upper=(0.030, 0.030, 0.288),
-          touch=BODY_FRICTION),
-    Shape(name="head", lower=(0.000, -0.022, 0.366), upper=(0.044, 0.022, HEIGHT),
-          touch=BODY_FRICTION),
+    box("chest", (-0.030, -0.048, 0.288), (0.040, 0.048, 0.358), touch=BODY_FRICTION),
+    box("backpack", (-0.058, -0.040, 0.290), (-0.030, 0.040, 0.365), GREY, touch=BODY_FRICTION),
+    box("waist", (-0.022, -0.030, 0.250), (0.030, 0.030, 0.288), touch=BODY_FRICTION),
+    box("head", (0.000, -0.022, 0.366), (0.044, 0.022, HEIGHT), touch=BODY_FRICTION),
     # Chest: an aluminium frame, a broad white breast above a narrow belly.
-    Shape(name="frame", lower=(-0.030, -0.044, 0.292), upper=(0.030, 0.044, 0.356),
-          colour=ALUMINIUM),
-    Shape(name="collar", lower=(-0.024, -0.047, 0.350), upper=(0.040, 0.047, 0.360), colour=WHITE),
-    Shape(name="breast", lower=(0.024, -0.047, 0.322), upper=(0.048, 0.047, 0.352), colour=WHITE),
-    Shape(name="belly", lower=(0.024, -0.033, 0.290), upper=(0.043, 0.033, 0.322), colour=WHITE),
-    Shape(name="flank", lower=(-0.024, -0.047, 0.300), upper=(0.020, 0.047, 0.336), colour=WHITE),
-    Shape(name="badge", lower=(0.048, -0.026, 0.330), upper=(0.0495, 0.026, 0.345), colour=BLUE),
-    Shape(name="vent_upper", lower=(0.043, -0.020, 0.309), upper=(0.044, 0.020, 0.314),
-          colour=GREY),
-    Shape(name="vent_lower", lower=(0.043, -0.020, 0.298), upper=(0.044, 0.020, 0.303),
-          colour=GREY),
+    box("frame", (-0.030, -0.044, 0.292), (0.030, 0.044, 0.356), ALUMINIUM),
+    box("collar", (-0.024, -0.047, 0.350), (0.040, 0.047, 0.360), WHITE),
+    box("breast", (0.024, -0.047, 0.322), (0.048, 0.047, 0.352), WHITE),
+    box("belly", (0.024, -0.033, 0.290), (0.043, 0.033, 0.322), WHITE),
+    box("flank", (-0.024, -0.047, 0.300), (0.020, 0.047, 0.336), WHITE),
+    box("badge", (0.048, -0.026, 0.330), (0.0495, 0.026, 0.345), BLUE),
+    box("vent_upper", (0.043, -0.020, 0.309), (0.044, 0.020, 0.314), GREY),
+    box("vent_lower", (0.043, -0.020, 0.298), (0.044, 0.020, 0.303), GREY),
     # Backpack: the controller's box with its lid and lights.
-    Shape(name="lid", lower=(-0.060, -0.034, 0.298), upper=(-0.058, 0.034, 0.357), colour=BLACK),
-    Shape(name="lights", lower=(-0.061, -0.020, 0.342), upper=(-0.060, 0.020, 0.347), colour=GLOW),
+    box("lid", (-0.060, -0.034, 0.298), (-0.058, 0.034, 0.357), BLACK),
+    box("lights", (-0.061, -0.020, 0.342), (-0.060, 0.020, 0.347), GLOW),
     # Waist: two yaw servos that do not turn here, and a plate.
-    Shape(name="waist_plate", lower=(-0.024, -0.036, 0.280), upper=(0.032, 0.036, 0.290),
-          colour=ALUMINIUM),
-    Shape(name="yaw_servos", lower=(-0.014, -0.032, 0.254), upper=(0.030, 0.032, 0.280),
-          colour=BLACK),
-    Shape(name="hip_plate", lower=(-0.010, -0.032, 0.248), upper=(0.032, 0.032, 0.254),
-          colour=ALUMINIUM),
+    box("waist_plate", (-0.024, -0.036, 0.280), (0.032, 0.036, 0.290), ALUMINIUM),
+    box("yaw_servos", (-0.014, -0.032, 0.254), (0.030, 0.032, 0.280), BLACK),
+    box("hip_plate", (-0.010, -0.032, 0.248), (0.032, 0.032, 0.254), ALUMINIUM),
     # Head: a white helmet with a dark face.
     disc("neck", "z", (0.022, 0.0, 0.363), 0.010, 0.012, GREY),
-    Shape(name="helmet", lower=(0.000, -0.021, 0.371), upper=(0.038, 0.021, 0.397), colour=WHITE),
-    Shape(name="crown", lower=(0.003, -0.016, 0.397), upper=(0.034, 0.016, HEIGHT), colour=WHITE),
-    Shape(name="brow", lower=(0.038, -0.021, 0.390), upper=(0.045, 0.021, 0.397), colour=WHITE),
-    Shape(name="face", lower=(0.038, -0.019, 0.374), upper=(0.042, 0.019, 0.390), colour=BLACK),
-    Shape(name="chin", lower=(0.010, -0.014, 0.366), upper=(0.043, 0.014, 0.374), colour=WHITE),
+    box("helmet", (0.000, -0.021, 0.371), (0.038, 0.021, 0.397), WHITE),
+    box("crown", (0.003, -0.016, 0.397), (0.034, 0.016, HEIGHT), WHITE),
+    box("brow", (0.038, -0.021, 0.390), (0.045, 0.021, 0.397), WHITE),
+    box("face", (0.038, -0.019, 0.374), (0.042, 0.019, 0.390), BLACK),
+    box("chin", (0.010, -0.014, 0.366), (0.043, 0.014, 0.374), WHITE),
     disc("eye_l", "x", (0.0425, 0.0095, 0.383), 0.0038, 0.002, GLOW),
     disc("eye_r", "x", (0.0425, -0.0095, 0.383), 0.0038, 0.002, GLOW),
     disc("ear_l", "y", (0.018, 0.0225, 0.384), 0.009, 0.005, BLUE),
     disc("ear_r", "y", (0.018, -0.0225, 0.384), 0.009, 0.005, BLUE),
-)  # fmt: skip
+)
 LEFT_ARM_SHAPES = (
-    Shape(name="upper_arm", lower=(0.000, 0.060, 0.270), upper=(0.034, 0.088, 0.352),
-          touch=BODY_FRICTION),
-    Shape(name="lower_arm", lower=(0.012, 0.062, 0.205), upper=(0.044, 0.086, 0.268),
-          touch=BODY_FRICTION),
-    Shape(name="hand", lower=(0.018, 0.064, 0.176), upper=(0.044, 0.084, 0.205),
-          touch=BODY_FRICTION),
+    box("upper_arm", (0.000, 0.060, 0.270), (0.034, 0.088, 0.352), touch=BODY_FRICTION),
+    box("lower_arm", (0.012, 0.062, 0.205), (0.044, 0.086, 0.268), touch=BODY_FRICTION),
+    box("hand", (0.018, 0.064, 0.176), (0.044, 0.084, 0.205), touch=BODY_FRICTION),
     disc("shoulder", "y", (0.020, 0.0535, 0.341), 0.014, 0.015, BLACK),
-    Shape(name="shoulder_cap", lower=(0.001, 0.060, 0.334), upper=(0.039, 0.091, 0.360),
-          colour=WHITE),
-    Shape(name="shoulder_mark", lower=(0.008, 0.091, 0.342), upper=(0.032, 0.0918, 0.350),
-          colour=BLUE),
-    Shape(name="upper_arm_servo", lower=(0.000, 0.063, 0.288), upper=(0.031, 0.085, 0.334),
-          colour=BLACK),
-    Shape(name="upper_arm_cover", lower=(0.004, 0.061, 0.296), upper=(0.034, 0.088, 0.326),
-          colour=WHITE),
-    Shape(name="elbow_bracket", lower=(0.010, 0.060, 0.258), upper=(0.032, 0.087, 0.290),
-          colour=ALUMINIUM),
+    box("shoulder_cap", (0.001, 0.060, 0.334), (0.039, 0.091, 0.360), WHITE),
+    box("shoulder_mark", (0.008, 0.091, 0.342), (0.032, 0.0918, 0.350), BLUE),
+    box("upper_arm_servo", (0.000, 0.063, 0.288), (0.031, 0.085, 0.334), BLACK),
+    box("upper_arm_cover", (0.004, 0.061, 0.296), (0.034, 0.088, 0.326), WHITE),
+    box("elbow_bracket", (0.010, 0.060, 0.258), (0.032, 0.087, 0.290), ALUMINIUM),
     disc("elbow", "y", (0.021, 0.0735, 0.270), 0.0115, 0.030, GREY),
-    Shape(name="lower_arm_servo", lower=(0.014, 0.063, 0.222), upper=(0.042, 0.085, 0.262),
-          colour=BLACK),
-    Shape(name="lower_arm_cover", lower=(0.011, 0.061, 0.212), upper=(0.046, 0.087, 0.246),
-          colour=WHITE),
+    box("lower_arm_servo", (0.014, 0.063, 0.222), (0.042, 0.085, 0.262), BLACK),
+    box("lower_arm_cover", (0.011, 0.061, 0.212), (0.046, 0.087, 0.246), WHITE),
     disc("wrist", "z", (0.030, 0.0740, 0.209), 0.009, 0.010, GREY),
-    Shape(name="palm", lower=(0.018, 0.065, 0.192), upper=(0.044, 0.083, 0.205), colour=GREY),
-    Shape(name="fingers", lower=(0.035, 0.066, 0.174), upper=(0.043, 0.082, 0.194), colour=WHITE),
-    Shape(name="thumb", lower=(0.019, 0.068, 0.178), upper=(0.026, 0.080, 0.194), colour=WHITE),
-)  # fmt: skip
+    box("palm", (0.018, 0.065, 0.192), (0.044, 0.083, 0.205), GREY),
+    box("fingers", (0.035, 0.066, 0.174), (0.043, 0.082, 0.194), WHITE),
+    box("thumb", (0.019, 0.068, 0.178), (0.026, 0.080, 0.194), WHITE),
+)
 LEFT_LEG_SHAPES = {
     "hip": (
-        Shape(name="hip_bracket", lower=(0.000, 0.010, 0.188), upper=(0.024, 0.048, 0.216),
-              touch=BODY_FRICTION),
-        Shape(name="hip_roll_servo", lower=(-0.010, 0.0075, 0.214), upper=(0.028, 0.040, 0.245),
-              colour=BLACK),
+        box("hip_bracket", (0.000, 0.010, 0.188), (0.024, 0.048, 0.216), touch=BODY_FRICTION),
+        box("hip_roll_servo", (-0.010, 0.0075, 0.214), (0.028, 0.040, 0.245), BLACK),
         disc("hip_roll_horn", "x", (0.0295, 0.0177, 0.2349), 0.0095, 0.004, ALUMINIUM),
-        Shape(name="hip_pitch_servo", lower=(-0.008, 0.013, 0.184), upper=(0.031, 0.044, 0.214),
-              colour=BLACK),
-        Shape(name="hip_stripe", lower=(0.031, 0.015, 0.202), upper=(0.0316, 0.042, 0.206),
-              colour=ALUMINIUM),
+        box("hip_pitch_servo", (-0.008, 0.013, 0.184), (0.031, 0.044, 0.214), BLACK),
+        box("hip_stripe", (0.031, 0.015, 0.202), (0.0316, 0.042, 0.206), ALUMINIUM),
     ),
     "thigh": (
-        Shape(name="thigh_plate", lower=(0.000, 0.010, 0.124), upper=(0.024, 0.048, 0.150),
-              touch=BODY_FRICTION),
+        box("thigh_plate", (0.000, 0.010, 0.124), (0.024, 0.048, 0.150), touch=BODY_FRICTION),
         *link_plates("thigh", (0.01141, 0.1954), (0.01141, 0.1304), 0.0100, 0.0480),
-        Shape(name="thigh_servo", lower=(-0.006, 0.0135, 0.136), upper=(0.026, 0.0445, 0.178),
-              colour=BLACK),
-        Shape(name="thigh_cover", lower=(0.024, 0.012, 0.142), upper=(0.035, 0.046, 0.183),
-              colour=WHITE),
-        Shape(name="thigh_mark", lower=(0.035, 0.023, 0.168), upper=(0.0358, 0.035, 0.176),
-              colour=BLUE),
+        box("thigh_servo", (-0.006, 0.0135, 0.136), (0.026, 0.0445, 0.178), BLACK),
+        box("thigh_cover", (0.024, 0.012, 0.142), (0.035, 0.046, 0.183), WHITE),
+        box("thigh_mark", (0.035, 0.023, 0.168), (0.0358, 0.035, 0.176), BLUE),
     ),
     "shin": (
-        Shape(name="shin_servo", lower=(-0.004, 0.014, 0.084), upper=(0.034, 0.044, 0.122),
-              touch=BODY_FRICTION),
+        box("shin_servo", (-0.004, 0.014, 0.084), (0.034, 0.044, 0.122), touch=BODY_FRICTION),
         *link_plates("shin", (0.01141, 0.1304), (0.00804, 0.0655), 0.0070, 0.0510),
-        Shape(name="knee_servo", lower=(-0.008, 0.0140, 0.086), upper=(0.027, 0.0440, 0.120),
-              colour=BLACK),
-        Shape(name="shin_guard", lower=(0.025, 0.010, 0.080), upper=(0.037, 0.048, 0.119),
-              colour=WHITE),
-        Shape(name="knee_cap", lower=(0.026, 0.016, 0.119), upper=(0.036, 0.042, 0.134),
-              colour=WHITE),
-        Shape(name="calf", lower=(-0.014, 0.014, 0.084), upper=(-0.006, 0.044, 0.116),
-              colour=WHITE),
+        box("knee_servo", (-0.008, 0.0140, 0.086), (0.027, 0.0440, 0.120), BLACK),
+        box("shin_guard", (0.025, 0.010, 0.080), (0.037, 0.048, 0.119), WHITE),
+        box("knee_cap", (0.026, 0.016, 0.119), (0.036, 0.042, 0.134), WHITE),
+        box("calf", (-0.014, 0.014, 0.084), (-0.006, 0.044, 0.116), WHITE),
     ),
     "ankle": (
-        Shape(name="ankle_pitch_servo", lower=(-0.012, 0.013, 0.043), upper=(0.026, 0.045, 0.076),
-              colour=BLACK),
-        Shape(name="ankle_roll_servo", lower=(-0.010, 0.0075, 0.014), upper=(0.028, 0.040, 0.043),
-              colour=BLACK),
+        box("ankle_pitch_servo", (-0.012, 0.013, 0.043), (0.026, 0.045, 0.076), BLACK),
+        box("ankle_roll_servo", (-0.010, 0.0075, 0.014), (0.028, 0.040, 0.043), BLACK),
         disc("ankle_roll_horn", "x", (0.0295, 0.0177, 0.02599), 0.0095, 0.004, ALUMINIUM),
     ),
     "foot": (
-        Shape(name="heel", lower=HEEL[0], upper=HEEL[1], colour=GREY,
-              touch=surface_friction(HEEL_PAIR_FRICTION)),
-        Shape(name="front_bracket", lower=(0.0315, 0.0090, 0.005), upper=(0.0345, 0.0264, 0.032),
-              colour=ALUMINIUM),
-        Shape(name="rear_bracket", lower=(-0.0160, 0.0090, 0.005), upper=(-0.0130, 0.0264, 0.032),
-              colour=ALUMINIUM),
-        Shape(name="instep", lower=(-0.0160, 0.0090, 0.005), upper=(0.0345, 0.0264, 0.008),
-              colour=ALUMINIUM),
-        Shape(name="outer_rim", lower=(HEEL_EDGE_X, OUTER_Y - 0.004, 0.005),
-              upper=(HINGE_X - 0.004, OUTER_Y, 0.010), colour=WHITE),
-        Shape(name="heel_rim", lower=(HEEL_EDGE_X, INNER_Y, 0.005),
-              upper=(HEEL_EDGE_X + 0.004, OUTER_Y, 0.010), colour=WHITE),
+        box("heel", HEEL[0], HEEL[1], GREY, touch=surface_friction(HEEL_PAIR_FRICTION)),
+        box("front_bracket", (0.0315, 0.0090, 0.005), (0.0345, 0.0264, 0.032), ALUMINIUM),
+        box("rear_bracket", (-0.0160, 0.0090, 0.005), (-0.0130, 0.0264, 0.032), ALUMINIUM),
+        box("instep", (-0.0160, 0.0090, 0.005), (0.0345, 0.0264, 0.008), ALUMINIUM),
+        box(
+            "outer_rim",
+            (HEEL_EDGE_X, OUTER_Y - 0.004, 0.005),
+            (HINGE_X - 0.004, OUTER_Y, 0.010),
+            WHITE,
+        ),
+        box(
+            "heel_rim", (HEEL_EDGE_X, INNER_Y, 0.005), (HEEL_EDGE_X + 0.004, OUTER_Y, 0.010), WHITE
+        ),
     ),
     # One box each, which the foot design resizes.
     "big_toe": (
-        Shape(name="big_toe", lower=BIG_TOE[0], upper=BIG_TOE[1], colour=ORANGE,
-              touch=surface_friction(TOE_PAIR_FRICTION)),
+        box("big_toe", BIG_TOE[0], BIG_TOE[1], ORANGE, touch=surface_friction(TOE_PAIR_FRICTION)),
     ),
     "lesser_toes": (
-        Shape(name="lesser_toes", lower=LESSER_TOES[0], upper=LESSER_TOES[1], colour=SKY,
-              touch=surface_friction(TOE_PAIR_FRICTION)),
+        box(
+            "lesser_toes",
+            LESSER_TOES[0],
+            LESSER_TOES[1],
+            SKY,
+            touch=surface_friction(TOE_PAIR_FRICTION),
+        ),
     ),
-}  # fmt: skip
+}
 
 
 def mirrored_shape(shape: Shape, name: str) -> Shape:

@@ -1,10 +1,10 @@
 """Make the pictures of the README, in docs/images: `python tools/make_readme_picture.py [RUN]`.
 
-Of a study's winner: walk.webp, the whole walk in motion, and walk.png, the robot at five instants
-of the second cycle with the gait's phases named as in the paper's Fig. 12. The walk is simulated,
-its recording is opened in Chromium, and Meshcat draws it. Further the study's own postures.png,
-paths.png and network.png, in fewer bytes. Without a study, walk.webp and walk.png of a gait that
-walks. Nothing here is imported by the package.
+`walk.webp` shows the whole walk of a study's winner in motion. `walk.png` shows the robot at five
+instants of the second cycle, with the phases of the paper's Fig. 12. The walk is simulated, its
+recording is opened in Chromium, and Meshcat draws it. The study's own postures.png, paths.png and
+network.png are copied in fewer bytes. Without a study, a gait that walks is shown. Nothing here is
+imported by the package.
 """
 
 import argparse
@@ -130,11 +130,19 @@ def shots(
         path = Path(folder) / "walk.html"
         path.write_text(page.replace("</body>", script + "</body>"), encoding="utf-8")
         command = [
-            browser(), "--headless", "--no-sandbox", "--use-angle=swiftshader",
-            "--enable-unsafe-swiftshader", "--disable-background-networking", "--disable-sync",
-            "--no-first-run", f"--user-data-dir={folder}/profile",
-            "--virtual-time-budget=10000", "--dump-dom", path.as_uri(),
-        ]  # fmt: skip
+            browser(),
+            "--headless",
+            "--no-sandbox",
+            "--use-angle=swiftshader",
+            "--enable-unsafe-swiftshader",
+            "--disable-background-networking",
+            "--disable-sync",
+            "--no-first-run",
+            f"--user-data-dir={folder}/profile",
+            "--virtual-time-budget=10000",
+            "--dump-dom",
+            path.as_uri(),
+        ]
         document = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     found = re.findall(r'<img class="shot" src="data:image/png;base64,([^"]+)"', document)
     if len(found) != len(times):
@@ -143,7 +151,7 @@ def shots(
 
 
 def camera_targets(history: History, times: list[float], *, glides: bool) -> np.ndarray:
-    """Where to look [m], shape (n, 3): half-way up the robot, at its centre of mass.
+    """Return the points to look at [m], shape (n, 3): half-way up, at the centre of mass.
 
     A camera that glides goes from where it begins to where it ends at one speed.
     """
@@ -170,8 +178,14 @@ def save_strip(page: str, history: History, path: Path) -> None:
         for axes, picture, (time, phase) in zip(panels, pictures, GAIT_PHASES, strict=True):
             axes.imshow(picture, interpolation="lanczos")
             axes.set_axis_off()
-            axes.text(0.5, -0.02, f"{time:.1f} s\n{phase}", transform=axes.transAxes,
-                      ha="center", va="top")  # fmt: skip
+            axes.text(
+                0.5,
+                -0.02,
+                f"{time:.1f} s\n{phase}",
+                transform=axes.transAxes,
+                ha="center",
+                va="top",
+            )
         buffer = io.BytesIO()
         figure.savefig(buffer, dpi=200)
     few_colours(Image.open(buffer)).save(path, optimize=True)
@@ -183,9 +197,14 @@ def save_film(page: str, history: History, path: Path) -> None:
     targets = camera_targets(history, times, glides=True)
     first, *others = shots(page, times, targets, FILM_VIEW, FILM_SIZE)
     first.save(
-        path, save_all=True, append_images=others, loop=0, quality=50, method=4,
+        path,
+        save_all=True,
+        append_images=others,
+        loop=0,
+        quality=50,
+        method=4,
         duration=round(1e3 * FILM_EVERY * FRAME_TIME),
-    )  # fmt: skip
+    )
 
 
 def main() -> None:

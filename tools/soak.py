@@ -1,11 +1,10 @@
-"""Soak a study: run it while a worker is killed again and again, and tell what became of it.
+"""Soak a study: kill its workers again and again, and count its walks.
 
     python tools/soak.py [--walks N] [--every SECONDS] [--workers N] [--out DIR]
 
-It runs the default study with N walks by its own command, kills one of the worker processes at
-random every so many seconds (SIGKILL, as a system that is out of memory does), and compares what
-the study says of its workers' deaths with the kills. Exit status 1 if a walk is missing or was
-given up for a kill.
+The default study runs. Every so many seconds one of its workers, at random, is killed by SIGKILL,
+as a system without memory does. The deaths that the study counts are compared with the kills. Exit
+status 1 if a walk is missing or was given up for a kill.
 """
 
 import argparse

@@ -2,17 +2,13 @@
 
 from pathlib import Path
 
+from drake_gait.cli._table import show as show_table
 from drake_gait.cli.progress import display
 from drake_gait.execution.machine import default_workers
 from drake_gait.optimization import open_study, search_study, workers_of
 from drake_gait.report.build import check_outputs, write_outputs
-from drake_gait.report.result import (
-    baselines_line,
-    manner_in_words,
-    r_squared_line,
-    robust_table,
-    table,
-)
+from drake_gait.report.result import baselines_line, manner_in_words, r_squared_line
+from drake_gait.report.tables import beside_the_paper, tiers
 from drake_gait.search.loop import useful_workers
 from drake_gait.study.robot import with_robot
 from drake_gait.study.settings import StudySettings
@@ -55,8 +51,14 @@ def _write_results(settings: StudySettings, study: Study, folder: Path) -> None:
             f"no network: {written.result['survivors']} of {searched} walks survived, and it "
             f"needs {FEWEST_SURVIVORS}; move the box to gaits that walk, or let more be simulated"
         )
-    print(f"\n{table(walks, settings.constraints)}\n")
-    print(f"walked again, with noise and other friction:\n{robust_table(settings, walks)}\n")
+    print()
+    show_table(beside_the_paper(walks, settings.constraints))
+    print()
+    if (walked_again := tiers(settings, walks)) is not None:
+        show_table(walked_again)
+    else:
+        print("Walked again: none, as no candidate is feasible or [confirmation] has no walks left")
+    print()
     print(written.result["verdict"])
     if written.replayed is not None and written.replayed.measures is not None:
         print(f"how it walks: {manner_in_words(written.replayed.measures)}")

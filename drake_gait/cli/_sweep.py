@@ -8,14 +8,26 @@ import time
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from drake_gait.errors import StudyError
+from drake_gait.cli._table import show
+from drake_gait.cli.progress import display
+from drake_gait.errors import SettingsError, StudyError
 from drake_gait.execution.machine import DRIVER_MEMORY, WORKER_MEMORY, default_workers
 from drake_gait.execution.parent import GRACE, Lifeline
-from drake_gait.optimization import is_finished
+from drake_gait.optimization import is_finished, workers_of
 from drake_gait.study._lock import driver_lock, is_driven
 from drake_gait.study._toml import as_toml
-from drake_gait.sweep.grid import places, run_grid
+from drake_gait.sweep.grid import (
+    is_walked,
+    open_grid,
+    places,
+    study_of,
+    walk_grid,
+    walks_of,
+)
+from drake_gait.sweep.grid_results import OUTPUTS, effects_table, means_table
+from drake_gait.sweep.grid_results import write_results as write_grid_results
 from drake_gait.sweep.results import (
     COST,
     FURTHEST,
@@ -25,9 +37,13 @@ from drake_gait.sweep.results import (
     table,
     write_results,
 )
-from drake_gait.sweep.settings import PlannedStudy, Sweep
+from drake_gait.sweep.settings import Grid, PlannedStudy, Sweep
 from drake_gait.visualization import study as study_figures
 from drake_gait.visualization import sweep as sweep_figures
+
+if TYPE_CHECKING:
+    from drake_gait.cli.sweep import Options
+
 
 _POLLING = 0.2  # Time between two looks at the studies that run [s].
 _STOPPING = 60.0  # What a study may take to stop [s].
@@ -37,31 +53,52 @@ _LONGEST_WORD = 300  # Of the last line that a study said, so much is repeated.
 _ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
 
-def work(sweep: Sweep, out: Path, workers: int | None) -> None:
-    """Run a sweep in a folder.
-
-    Args:
-        sweep: What is to be run.
-        out: The sweep's folder.
-        workers: Studies beside each other, or processes that walk a grid; as many as there is room
-            and work for if None.
-    """
+def work(sweep: Sweep, out: Path, options: "Options") -> None:
+    """Run a sweep in a folder, as the command line says."""
     with driver_lock(out / "sweep"):
         if sweep.grid is not None:
-            room = default_workers(len(places(sweep.grid)))
-            print(run_grid(sweep.grid, out, workers or room))
+            _run_grid(sweep.grid, out, options)
             return
+        if options.dask is not None:
+            raise SettingsError(
+                f"--dask {options.dask} is for a sweep with a [grid]; the studies of variants run "
+                "on this machine, or one by one with `optimize --dask`"
+            )
         room = default_workers(len(sweep.studies), memory=DRIVER_MEMORY + WORKER_MEMORY)
-        _run_studies(sweep, out, workers or room)
+        _run_studies(sweep, out, options.workers or room)
         _write_results(sweep, out)
+
+
+def _run_grid(grid: Grid, out: Path, options: "Options") -> None:
+    """Walk a grid to its end, write its results, and print its tables."""
+    settings = study_of(grid)
+    workers = options.workers or default_workers(len(places(grid)))
+    with open_grid(grid, out) as study:
+        if is_walked(study):
+            print(f"{out} is finished; more grid.replicas extend it")
+        else:
+            with (
+                display(settings, len(study.walks())) as progress,
+                workers_of(settings, study, workers, dask=options.dask) as executor,
+            ):
+                walk_grid(grid, study, executor, progress)
+        found = write_grid_results(grid, walks_of(grid, study), out)
+    print()
+    if found.obstacle:
+        print(found.obstacle)
+    else:
+        show(effects_table(found))
+    print()
+    show(means_table(found))
+    print(f"\n{found.best_in_words()}\n{out}: study.db, {', '.join(OUTPUTS)}")
 
 
 def _run_studies(sweep: Sweep, out: Path, workers: int) -> None:
     """Bring every study to its end, `workers` of them beside each other."""
     waiting = deque(study for study in sweep.studies if not _has_result(study, out))
     total = len(sweep.studies)
-    print(f"sweep {sweep.name}: {total} studies, {total - len(waiting)} of them finished before",
-          flush=True)  # fmt: skip
+    before = total - len(waiting)
+    print(f"sweep {sweep.name}: {total} studies, {before} of them finished before", flush=True)
     running: dict[subprocess.Popen[bytes], PlannedStudy] = {}
     done = total - len(waiting)
     with Lifeline() as lifeline:
@@ -199,7 +236,8 @@ def _write_results(sweep: Sweep, out: Path) -> None:
         study_figures.pareto(forward, cost, [True] * len(costs), out / "pareto.png")
     else:
         (out / "pareto.png").unlink(missing_ok=True)  # Of an earlier run.
-    print(f"\n{table(summaries(rows, sweep.variants))}\n")
-    print("median over the seeds (lowest to highest); p against the first variant")
+    print()
+    show(table(summaries(rows, sweep.variants)))
+    print()
     drawn = [name for name in ("sweep.png", "pareto.png") if (out / name).is_file()]
     print(f"{out}: {', '.join(['sweep.csv', 'sweep.json', *drawn])}, and a folder for each study")

@@ -1,9 +1,8 @@
 """Search the gaits of a study: `python -m drake_gait.optimize [STUDY.toml]`.
 
-Without arguments it runs the default study, studies/steady.toml. The same command again goes on
-with an unfinished study, and a larger --simulations with a finished one. In the study's folder it
-leaves study.db (every walk), report.html (what came out), result.json, walk.html (a recording)
-and figures.
+Without arguments it runs the default study, studies/steady.toml. The same command again resumes an
+unfinished study, and a larger --simulations extends a finished one. In the study's folder it
+leaves study.db (every walk), report.html, result.json, walk.html (a recording) and figures.
 """
 
 import argparse
@@ -21,7 +20,7 @@ from drake_gait.study.settings import StudySettings
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """What the command line says."""
+    """The options of the command line."""
 
     study: Path
     """The study's TOML file."""

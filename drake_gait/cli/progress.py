@@ -52,7 +52,7 @@ def display(
     console: Console | None = None,
     clock: Clock = time.monotonic,
 ) -> Display:
-    """What shows a search where its output goes: a terminal, or a file, a pipe, a batch system.
+    """Return the display of a search for its output: a terminal, or a file or pipe.
 
     Args:
         settings: What is searched.

@@ -1,9 +1,9 @@
 """Show walks of a study: `python -m drake_gait replay RUN --out FILE.html`.
 
-The best walk, or the one that --walk names, is simulated anew, as the study did. It is written as
-one self-contained page, or, with --live, shown in a browser while it is simulated. --gallery puts
-the best walks of several studies side by side into one page, for example of several seeds, and
---rigid-toes puts every walk beside itself on a foot whose toes cannot bend.
+The best walk, or the one that --walk names, is simulated anew, as the study did. It becomes one
+self-contained page; `--live` shows it in a browser while it is simulated. `--gallery` puts the best
+walks of several studies side by side into one page, for example of several seeds. `--rigid-toes`
+puts every walk beside itself on a foot whose toes cannot bend.
 """
 
 import argparse
@@ -19,7 +19,7 @@ from drake_gait.files.shipped import find
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Options:
-    """What the command line says."""
+    """The options of the command line."""
 
     folder: Path
     """A study's folder."""

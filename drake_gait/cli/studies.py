@@ -1,8 +1,8 @@
 """Look at studies: `python -m drake_gait studies list|show|compare`.
 
-list tells what is in a folder of studies, show where one stands, and compare puts several side by
-side, with the settings that differ. Running studies can be looked at as well. --json prints the
-same for other programs, in SI units.
+`list` has a line for each study in a folder, and `show` tells of one. `compare` puts several side
+by side, with the settings that differ. Running studies can be looked at as well. `--json` prints
+the same for other programs, in SI units.
 """
 
 import argparse
@@ -13,12 +13,15 @@ from typing import Any
 import numpy as np
 
 from drake_gait.cli._command import conduct
+from drake_gait.cli._table import show
 from drake_gait.errors import GaitError, StudyError
 from drake_gait.files.shipped import find
 from drake_gait.files.strict_json import to_json
-from drake_gait.report.status import Standing, standing, studies_in
+from drake_gait.report.status import Status, read_status, studies_in
+from drake_gait.report.tables import Table
 
-_WIDEST = 48  # Of a value in a table [characters]; --json has all of it.
+Part = str | Table
+"""A part of what a command prints: lines, or a table."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -27,10 +30,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _tell(options: argparse.Namespace) -> None:
-    commands: dict[str, Callable[[Any], tuple[str, Any]]]
+    commands: dict[str, Callable[[Any], tuple[Sequence[Part], Any]]]
     commands = {"list": _list, "show": _show, "compare": _compare}
-    text, plain = commands[options.command](options.paths)
-    print(to_json(plain) if options.json else text)
+    parts, plain = commands[options.command](options.paths)
+    if options.json:
+        print(to_json(plain))
+        return
+    for part in parts:
+        if isinstance(part, Table):
+            show(part)
+        else:
+            print(part)
 
 
 def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -54,78 +64,77 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     return parser.parse_args(arguments)
 
 
-def _list(folder: Path) -> tuple[str, Any]:
-    """What is in a folder of studies; one that cannot be read does not hide the others."""
-    found: list[Standing] = []
+def _list(folder: Path) -> tuple[Sequence[Part], Any]:
+    """Tell of all studies in a folder; one that cannot be read does not hide the others."""
+    found: list[Status] = []
     paths, unreadable = studies_in(folder)
     errors = {str(path): text for path, text in unreadable.items()}
     for path in paths:
         try:
-            found.append(standing(path / "study.db"))
+            found.append(read_status(path / "study.db"))
         except GaitError as error:
             errors[str(path)] = " ".join(str(error).split("\n"))
-    rows = [["folder", "study", "seed", "mode", "state", "walks", "survivors", "feasible", "best"]]
-    for one in found:
-        walks, survivors = f"{one.walks}/{one.total}", str(one.survivors)
-        where, seed, mode = str(one.folder.relative_to(folder)), str(one.seed), one.mode or "-"
-        rows.append(
-            [
-                where,
-                one.name,
-                seed,
-                mode,
-                one.state,
-                walks,
-                survivors,
-                str(one.feasible),
-                _best(one),
-            ]
-        )
-    lines = [_aligned(rows)] if found else []
-    lines += [f"{one.folder}: {one.remark}" for one in found if one.remark]
-    lines += [f"cannot be read: {error}" for error in errors.values()]
+    rows = [
+        [
+            str(one.folder.relative_to(folder)),
+            one.name,
+            str(one.seed),
+            one.mode or "-",
+            one.state,
+            f"{one.walks}/{one.total}",
+            str(one.survivors),
+            str(one.feasible),
+            _best(one),
+        ]
+        for one in found
+    ]
+    heads = ["folder", "study", "seed", "mode", "state", "walks", "survivors", "feasible", "best"]
+    parts: list[Part] = [_words(rows, heads)] if rows else []
+    parts += [f"{one.folder}: {one.remark}" for one in found if one.remark]
+    parts += [f"cannot be read: {error}" for error in errors.values()]
     broken = [{"folder": path, "error": text} for path, text in errors.items()]
-    return "\n".join(lines), [*(one.plain() for one in found), *broken]
+    return parts, [*(one.plain() for one in found), *broken]
 
 
-def _show(path: Path) -> tuple[str, Any]:
-    """Where one study stands."""
-    one = standing(find(path))
+def _show(path: Path) -> tuple[Sequence[Part], Any]:
+    """Tell of one study."""
+    one = read_status(find(path))
     question = one.settings.get("study.question")
-    lines = [f"{one.folder}: study {one.name}, seed {one.seed}, {one.state}"]
-    lines += [question, ""] if question else [""]
-    lines += [f"{one.remark}.", ""] if one.remark else []
-    lines.append(_aligned([*_numbers([one]), ["failures", _counts(one.failures)]]))
+    parts: list[Part] = [f"{one.folder}: study {one.name}, seed {one.seed}, {one.state}"]
+    parts += [question, ""] if question else [""]
+    parts += [f"{one.remark}.", ""] if one.remark else []
+    parts.append(_words([*_numbers([one]), ["failures", _counts(one.failures)]]))
     if one.best:
-        lines += ["", "the best feasible walks", _walks(one)]
-    lines += ["", "settings (SI units)"]
-    lines.append(_aligned([[key, _short(one.settings[key])] for key in sorted(one.settings)]))
-    lines += ["", "versions", _aligned(list(one.versions.items()))]
-    return "\n".join(lines), one.plain()
+        parts += ["", _walks(one)]
+    settings = [[key, _rounded(one.settings[key])] for key in sorted(one.settings)]
+    parts += ["", _words(settings, caption="settings (SI units)")]
+    versions = [list(item) for item in one.versions.items()]
+    parts += ["", _words(versions, caption="versions")]
+    return parts, one.plain()
 
 
-def _compare(paths: Sequence[Path]) -> tuple[str, Any]:
-    """Several studies side by side, with what differs in how they were made."""
+def _compare(paths: Sequence[Path]) -> tuple[Sequence[Part], Any]:
+    """Tell of several studies side by side, with what differs in how they were made."""
     if len(paths) < 2:
         raise StudyError(f"compare needs two studies; `show {paths[0]}` tells of one")
-    found = [standing(find(path)) for path in paths]
-    rows = [["", *(str(one.folder) for one in found)]]
-    rows += [["state", *(one.state for one in found)], *_numbers(found)]
+    found = [read_status(find(path)) for path in paths]
+    heads = ["", *(str(one.folder) for one in found)]
+    rows = [["state", *(one.state for one in found)], *_numbers(found)]
     causes = dict.fromkeys(cause for one in found for cause in one.failures)
     rows += [[cause, *(str(one.failures.get(cause, 0)) for one in found)] for cause in causes]
-    lines = [_aligned(rows), ""]
+    parts: list[Part] = [_words(rows, heads), ""]
     remarks = [f"{one.folder}: {one.remark}" for one in found if one.remark]
-    lines += [*remarks, ""] if remarks else []
+    parts += [*remarks, ""] if remarks else []
     differing = _differing([{**_versions(one), **one.settings} for one in found])
     if differing:
-        lines += ["made with (SI units)", _aligned([["", *rows[0][1:]], *differing])]
+        parts.append(_words(differing, heads, caption="made with (SI units)"))
     else:
-        lines += ["all were made with the same settings, versions and robot"]
-    return "\n".join(lines), [one.plain() for one in found]
+        parts.append("all were made with the same settings, versions and robot")
+    return parts, [one.plain() for one in found]
 
 
-def _numbers(found: Sequence[Standing]) -> list[list[str]]:
-    """The figures of studies, one row each."""
+def _numbers(found: Sequence[Status]) -> list[list[str]]:
+    """Return the figures of studies, one row each."""
     rows = [
         ["walks", *(f"{one.walks} of {one.total}" for one in found)],
         ["by stage", *(_counts(one.stages) for one in found)],
@@ -143,17 +152,21 @@ def _numbers(found: Sequence[Standing]) -> list[list[str]]:
     return rows
 
 
-def _walks(one: Standing) -> str:
-    rows = [["walk", "Z [mm]", "X [mm]", "R [deg]", "Y [mm]", "N", "stage"]]
+def _walks(one: Status) -> Table:
+    rows = []
     for entry in one.best:
         walk = entry.walk
         millimetres = [f"{1e3 * value:.1f}" for value in (walk.forward, walk.lateral)]
         yaw, height = f"{np.degrees(walk.yaw):.2f}", f"{1e3 * walk.com_height:.1f}"
         rows.append([str(entry.id), *millimetres, yaw, height, str(walk.frames), entry.stage])
-    return _aligned(rows)
+    return Table(
+        caption="the best feasible walks",
+        columns=["walk", "Z [mm]", "X [mm]", "R [deg]", "Y [mm]", "N", "stage"],
+        rows=rows,
+    )
 
 
-def _versions(one: Standing) -> dict[str, Any]:
+def _versions(one: Status) -> dict[str, Any]:
     return {
         "robot's file (sha256)": one.model_sha256[:12],
         **{f"version of {name}": number for name, number in one.versions.items()},
@@ -161,16 +174,16 @@ def _versions(one: Standing) -> dict[str, Any]:
 
 
 def _differing(described: Sequence[dict[str, Any]]) -> list[list[str]]:
-    """Rows of what is not the same in all."""
+    """Return the settings that differ, a row each."""
     keys = dict.fromkeys(key for one in described for key in sorted(one))
     return [
-        [key, *(_short(one.get(key)) for one in described)]
+        [key, *(_rounded(one.get(key)) for one in described)]
         for key in keys
         if any(one.get(key) != described[0].get(key) for one in described)
     ]
 
 
-def _best(one: Standing) -> str:
+def _best(one: Status) -> str:
     return f"{1e3 * one.best[0].walk.forward:.1f} mm" if one.best else "none"
 
 
@@ -178,24 +191,15 @@ def _counts(counted: Mapping[str, int]) -> str:
     return ", ".join(f"{name} {count}" for name, count in counted.items()) or "none"
 
 
-def _short(value: Any) -> str:
-    """A setting in at most so many characters as a table has room for."""
-    text = "-" if value is None else _rounded(value)
-    return text if len(text) <= _WIDEST else f"{text[: _WIDEST - 1]}…"
-
-
 def _rounded(value: Any) -> str:
+    if value is None:
+        return "-"
     if isinstance(value, list):
         return f"[{', '.join(_rounded(item) for item in value)}]"
     return f"{value:.6g}" if isinstance(value, float) else " ".join(str(value).split())
 
 
-def _aligned(rows: Sequence[Sequence[str]]) -> str:
-    """Rows as text, with their columns below each other."""
-    if not rows:
-        return ""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return "\n".join(
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    )
+def _words(rows: Sequence[Sequence[str]], heads: Sequence[str] = (), caption: str = "") -> Table:
+    """Return a table of words, with or without heads."""
+    columns = heads or [""] * max(map(len, rows), default=1)
+    return Table(caption=caption, columns=columns, rows=rows, numbers=False)

@@ -1,9 +1,9 @@
 """Run many studies, or a grid of feet, by one command: `python -m drake_gait sweep SWEEP.toml`.
 
-The same command again goes on with an unfinished sweep. Every study is an ordinary one, in
+The same command again resumes an unfinished sweep. Every study is an ordinary one, in
 <folder>/<variant>/seed-<n>; they run beside each other, one on each core. The sweep's folder then
-holds sweep.csv and sweep.json, a row for each study, and a figure; a grid's holds grid.csv, a row
-for each walk, anova.json and a figure.
+holds a figure, and sweep.csv and sweep.json with a row for each study. A grid's folder is a study:
+it holds study.db, grid.csv with a row for each walk, anova.json and a figure.
 """
 
 import argparse
@@ -19,13 +19,15 @@ from drake_gait.sweep.settings import read_sweep
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """What the command line says."""
+    """The options of the command line."""
 
     sweep: Path
     """The sweep's TOML file."""
     workers: int | None
     """Studies beside each other, or processes that walk a grid; as many as there is room and work
     for if None."""
+    dask: str | None
+    """A Dask cluster that walks a grid: its scheduler's address or file, or "local"."""
     out: Path | None
     """The sweep's folder; runs/<sweep> if None."""
 
@@ -45,6 +47,11 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
         type=int,
         metavar="N",
         help="studies beside each other (one per core, as far as memory and work go)",
+    )
+    parser.add_argument(
+        "--dask",
+        metavar="ADDRESS",
+        help="walk a grid on a Dask cluster: tcp://HOST:8786, its scheduler file, or local",
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help="the sweep's folder (runs/<sweep>)")
     found = parser.parse_args(arguments)
@@ -66,4 +73,4 @@ def _work(options: Options) -> None:
     sweep = read_sweep(find(options.sweep), options.out)
     with importing():  # What a wrong input needs not wait for.
         from drake_gait.cli import _sweep
-    _sweep.work(sweep, options.out or Path("runs") / sweep.name, options.workers)
+    _sweep.work(sweep, options.out or Path("runs") / sweep.name, options)

@@ -1,1 +1,1 @@
-"""Where walks run: in this process, in several local ones, or on a Dask cluster."""
+"""Executors, which run walks: in this process, in several local ones, or on a Dask cluster."""

@@ -1,8 +1,8 @@
 """Executors: objects that run walks, and what all of those with other processes share.
 
-A worker is expendable. A walk whose worker died is walked once more when all others are done, by
-itself: what killed it may have been the memory that they took, or a person. Only one that dies
-again, or hangs, is given up, as diverged.
+A worker is expendable. A walk whose worker died is walked once more, alone, when all others are
+done. The memory that they took may have killed it, or a person. Only one that dies again, or hangs,
+is given up, as diverged.
 """
 
 import time
@@ -41,7 +41,7 @@ class Executor(Protocol):
 
     @property
     def deaths(self) -> Mapping[str, int]:
-        """How workers died in the midst of a walk, and how often; empty where none can."""
+        """Deaths of workers that were walking, counted by their cause; empty where none can die."""
         ...
 
     def run(self, trials: Sequence[Trial]) -> Iterator[Finished]:
@@ -79,7 +79,7 @@ class RemoteWorkers(ABC):
 
     def __init__(self) -> None:
         self.deaths: Counter[str] = Counter()
-        """How workers died in the midst of a walk, and how often."""
+        """Deaths of workers that were walking, counted by their cause."""
 
     @abstractmethod
     def submit(self, trial: Trial) -> "Future[Timed]":

@@ -1,8 +1,8 @@
 """Walks on the machines of a Dask cluster, or on one such cluster of local processes.
 
-A Dask worker starts, for each of its threads, a process of its own that walks (worker_process):
-so a walk that aborts, hangs or grows costs neither the Dask worker nor its other walks, and its
-time limit holds. What Dask loses with a whole worker it gives to another one.
+A Dask worker starts, for each of its threads, a process of its own that walks (worker_process).
+So a walk that aborts, hangs or grows costs neither the Dask worker nor its other walks. Its time
+limit holds. Dask gives the walks of a lost worker to another one.
 """
 
 import json
@@ -45,7 +45,7 @@ _CLOSING_TIME = 0.4  # For the client, and for a cluster of our own, to end: all
 
 
 def identity() -> dict[str, str]:
-    """What decides a walk's numbers on this machine, but for its processor.
+    """Return all that decides a walk's numbers on this machine, but for its processor.
 
     The robot is not among it: its content comes with the walks.
     """

@@ -115,7 +115,7 @@ class Isade:
 
     @property
     def waits(self) -> bool:
-        """Whether trials were asked that have not been told."""
+        """Return whether trials were asked for that have no cost yet."""
         return self._trials is not None
 
     def ask(self) -> Array:
@@ -253,7 +253,7 @@ class Isade:
         return np.lexsort((cost, excess))
 
     def _merit(self, excess: Array, costs: Array) -> tuple[Array, Array]:
-        """What selection compares, the excess before the cost; both of shape (n,)."""
+        """Return excess and cost as selection compares them, in this order; each of shape (n,)."""
         if self.handling == "penalty":
             return np.zeros(len(costs)), costs + self.penalty * excess
         level = selection.epsilon(self._first_level, self.generation, self.max_generations)
@@ -278,7 +278,7 @@ class Isade:
 
 
 def one_of(name: str, value: str, known: Iterable[str]) -> str:
-    """The value, if it is one of those that are known.
+    """Return the value, if it is a known one.
 
     Raises:
         SettingsError: It is not.

@@ -205,8 +205,9 @@ class Constraints:
         return self._between(name, ends, lambda x: fun(x, *args))
 
     def _between(self, name: str, ends: Any, fun: Callable[[Array], Any]) -> Callable[[Array], Any]:
-        lower, upper = (np.atleast_1d(numbers(f"{name}: {end}", getattr(ends, end)))
-                        for end in ("lb", "ub"))  # fmt: skip
+        lower, upper = (
+            np.atleast_1d(numbers(f"{name}: {end}", getattr(ends, end))) for end in ("lb", "ub")
+        )
         try:
             ordered = bool((lower <= upper).all())
         except ValueError:

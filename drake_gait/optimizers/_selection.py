@@ -1,9 +1,8 @@
 """Selection: how far points exceed their constraints, and which point is the better, purely.
 
 A point has a cost and an excess, which is the sum of its violations, each in the unit of its
-constraint. The excess is compared first and the cost second: the rules of feasibility. An epsilon
-below which excess counts as none, or a penalty that turns excess into cost, changes what is
-compared.
+constraint. The excess is compared first and the cost second: the rules of feasibility. With an
+epsilon, a smaller excess counts as none. A penalty turns excess into cost.
 docs/experiments/2026-11-22-isade-choices.md has the choice of every constant.
 """
 
@@ -68,7 +67,7 @@ def epsilon(first: float, generation: int, max_generations: int) -> float:
 
 
 def beats(excess: Array, cost: Array, other_excess: Array, other_cost: Array) -> NDArray[np.bool_]:
-    """Whether each point is better than its other, not merely as good, shape (n,)."""
+    """Return whether each point is better than its other, not merely as good, shape (n,)."""
     better: NDArray[np.bool_] = (excess < other_excess) | (
         (excess == other_excess) & (cost < other_cost)
     )

@@ -1,4 +1,4 @@
-"""What a study leaves in its folder beside study.db: its report and all that is in it."""
+"""The files of a study's folder beside study.db: its report and all that is in it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -46,7 +46,7 @@ _OF_A_NETWORK = ("network", "sensitivity")
 
 @dataclass(frozen=True, kw_only=True)
 class Outputs:
-    """What was written, for a command to print."""
+    """The files that were written, and what is in them, for a command to print."""
 
     result: dict[str, Any]
     """The content of result.json."""
@@ -96,8 +96,8 @@ def write_outputs(
 ) -> Outputs:
     """Write what a study's folder holds beside its walks: result, settings, recording, report.
 
-    Of a study without walks there are result.json and report.html only, and no recording of a walk
-    that cannot be simulated to its end. Files of an earlier report that are not made again go.
+    A study without walks has result.json and report.html only. A walk that cannot be simulated to
+    its end has no recording. Files of an earlier report that are not made again go.
 
     Raises:
         GaitError: a file cannot be written.
@@ -112,13 +112,15 @@ def write_outputs(
     how = walked_as(settings, best) if best else None
     replayed = simulate(best.candidate, how, history=True) if best else None
     measures = replayed.measures if replayed else None
-    result: dict[str, Any] = plain({
-        **summary(
-            settings, walks, network, wall_s=wall_s, baselines=baselines, proposer=proposer
-        ),
-        "measures": asdict(measures) if measures else None,
-        "jumps_deg": _jumps(best, settings.walk.start) if best else None,
-    })  # fmt: skip
+    result: dict[str, Any] = plain(
+        {
+            **summary(
+                settings, walks, network, wall_s=wall_s, baselines=baselines, proposer=proposer
+            ),
+            "measures": asdict(measures) if measures else None,
+            "jumps_deg": _jumps(best, settings.walk.start) if best else None,
+        }
+    )
     write(folder / RESULT, to_json(result) + "\n")
     make_folder(folder / FIGURES)
     _forget_unmade(folder, searched, replayed, network)
@@ -225,7 +227,7 @@ def _draw_search(
     found: Mapping[int, Measures],
     label: str,
 ) -> None:
-    """Figures of all walks; the measures of those that have some, by their ids."""
+    """Draw the figures of all walks, with the measures of some by their ids."""
     study_figures.convergence(
         [1e3 * walk.walk.forward if walk.walk.survived else np.nan for walk in walks],
         [settings.assess(walk.walk).feasible for walk in walks],
@@ -252,7 +254,7 @@ def _draw_search(
 
 
 def _draw_network(settings: StudySettings, network: Surrogate, folder: Path) -> None:
-    """What the network is worth, and what it says of the coefficients."""
+    """Draw the network's predictions, and what it says of the coefficients."""
     units = np.array([1e3, 1e3, np.degrees(1.0)])
     shown = [("Z", "mm"), ("X", "mm"), ("R", "deg")]
     columns = slice(0, len(shown))

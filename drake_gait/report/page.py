@@ -27,6 +27,7 @@ from drake_gait.study.finalists import shuffles
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
 from drake_gait.study.toml import DEFAULT_NAME, written_study_toml
+from drake_gait.visualization import palette
 
 FIGURES = "figures"
 """Folder of the figures, in a study's folder."""
@@ -66,7 +67,8 @@ def write_study_page(run: Run, path: Path) -> None:
     """
     result, limits = run.result, run.settings.constraints
     measures = result.get("measures")
-    page = _environment().get_template("report.html").render(
+    template = _environment().get_template("report.html")
+    page = template.render(
         run=run,
         result=result,
         settings=run.settings,
@@ -105,7 +107,7 @@ def write_study_page(run: Run, path: Path) -> None:
         of_the_walk=_figures(run, _OF_THE_WALK),
         of_the_search=_figures(run, _OF_THE_SEARCH),
         command=command(run),
-    )  # fmt: skip
+    )
     _write(page, path)
 
 
@@ -123,7 +125,8 @@ def write_comparison_page(runs: Sequence[Run], path: Path) -> None:
         }
         for figure in ("postures", "paths", "convergence", "sensitivity", "waveforms")
     ]
-    page = _environment().get_template("comparison.html").render(
+    template = _environment().get_template("comparison.html")
+    page = template.render(
         runs=runs,
         numbers=report_tables.side_by_side(names, [run.result for run in runs]),
         differences=report_tables.differences(names, [run.settings.description() for run in runs]),
@@ -131,12 +134,12 @@ def write_comparison_page(runs: Sequence[Run], path: Path) -> None:
         versions=[report_tables.versions(run.result["versions"]) for run in runs],
         commands=[(run.name, command(run)) for run in runs],
         furthest=max(runs, key=_place),
-    )  # fmt: skip
+    )
     _write(page, path)
 
 
 def _shuffles(result: Mapping[str, Any]) -> bool:
-    """Whether the walk of a result advances by sliding; not where that was not measured."""
+    """Return whether the walk of a result advances by sliding; False where it was not measured."""
     slip, forward = (result.get("measures") or {}).get("slip"), result["forward_mm"]
     if slip is None or None in slip or forward is None:
         return False
@@ -174,6 +177,7 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.globals["palette"] = palette
     environment.filters["number"] = number
     environment.filters["scaled"] = scaled
     environment.filters["quoted"] = lambda path: shlex.quote(str(path))
@@ -188,7 +192,7 @@ def _captions() -> dict[str, dict[str, str]]:
 
 
 def _figures(run: Run, names: Sequence[str], of: str = "") -> list[dict[str, Any]]:
-    """Those figures of a study that there are, with what a page says of them."""
+    """Return the figures in a study's folder, with their captions."""
     found = []
     for name in names:
         path = run.folder / FIGURES / f"{name}.svg"

@@ -1,4 +1,4 @@
-"""A study's outcome in numbers and words, and tables like the paper's Table II."""
+"""A study's outcome in numbers and words, and the numbers of the paper's Table II."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from drake_gait.problem import OUTPUTS, Constraints
+from drake_gait.problem import OUTPUTS
 from drake_gait.provenance import versions
 from drake_gait.report.study_result import best_in_words, distances, plain_walk
 from drake_gait.study.finalists import Finalist, Tier, best_unslipping, finalists, winner
-from drake_gait.study.ranking import best_walk, feasible_walks
+from drake_gait.study.ranking import best_walk
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
 from drake_gait.walk import Measures, Outcome, Walk
@@ -188,61 +188,6 @@ def _counts(walks: Sequence[StudyWalk], feasible: int) -> dict[str, Any] | None:
     }
 
 
-def robust_table(settings: StudySettings, walks: Sequence[StudyWalk]) -> str:
-    """Return the candidates that were walked again in full, as text; a sentence without any."""
-    lines = [
-        " walk   Z [mm]   T1 median  feasible    T2 median  feasible   T3 upright  feasible   tier",
-    ]
-    for one in finalists(settings, walks):
-        if len(one.variations) < settings.confirmation.replicas:
-            continue
-        parts = (
-            f"{one.walk.id:5d} {1e3 * one.walk.walk.forward:8.1f}",
-            _in_tier(one.variations, one.feasible, f"{1e3 * one.median:.1f}"),
-            _in_tier(one.converged, one.converged_feasible, _median_mm(one.converged)),
-            _in_tier(one.servo, one.servo_feasible, _upright(one.servo)),
-            f"T{one.tier}",
-        )
-        lines.append("   ".join(parts))
-    if len(lines) == 1:
-        return " none: no candidate is feasible, or [confirmation] leaves no walks for it"
-    return "\n".join(lines)
-
-
-def _in_tier(walks: Sequence[StudyWalk], feasible: int, told: str) -> str:
-    share = f"{feasible} of {len(walks)}" if walks else "-"
-    return f"{told:>10}  {share:>8}"
-
-
-def _median_mm(walks: Sequence[StudyWalk]) -> str:
-    return f"{1e3 * float(np.median([walk.walk.forward for walk in walks])):.1f}" if walks else "-"
-
-
-def _upright(walks: Sequence[StudyWalk]) -> str:
-    return f"{sum(walk.walk.survived for walk in walks)} of {len(walks)}" if walks else "-"
-
-
-def table(walks: Sequence[StudyWalk], limits: Constraints) -> str:
-    """The study's furthest feasible walks beside the paper's eight, as text."""
-    ours = feasible_walks(walks, limits)[: len(PAPER_TABLE)]
-    lines = [
-        "            this study                              the paper (Table II)",
-        " walk   X [mm]   Z [mm]  R [deg]    N           X [mm]   Z [mm]  R [deg]    N",
-    ]
-    for place, paper in enumerate(reversed(PAPER_TABLE)):
-        left = " " * 38
-        if place < len(ours):
-            entry = ours[place]
-            left = f"{entry.id:5d} " + _row(
-                1e3 * entry.walk.lateral,
-                1e3 * entry.walk.forward,
-                float(np.degrees(entry.walk.yaw)),
-                entry.walk.frames,
-            )
-        lines.append(f"{left:<40}    F{len(PAPER_TABLE) - place} {_row(*paper)}")
-    return "\n".join(lines)
-
-
 def r_squared_line(network: "Surrogate") -> str:
     """R² of every output, training and held-out, as text."""
     names = ("Z", "X", "R", "Y")
@@ -300,10 +245,6 @@ def manner_in_words(measures: Measures) -> str:
         f"peak torque {_rounded(measures.peak_torque, 2)} N·m, "
         f"cost of transport {_rounded(measures.cost_of_transport, 2)}"
     )
-
-
-def _row(lateral_mm: float, forward_mm: float, yaw_deg: float, frames: int) -> str:
-    return f"{lateral_mm:8.3f} {forward_mm:8.2f} {yaw_deg:8.3f} {frames:4d}"
 
 
 def _by_output(values: Any) -> Mapping[str, float | None]:

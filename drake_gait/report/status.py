@@ -1,4 +1,4 @@
-"""Where a study stands, read from its folder while it runs or long after."""
+"""The status of a study, read from its folder while it runs or long after."""
 
 import os
 from collections import Counter
@@ -20,8 +20,8 @@ _BEST = 8  # As many walks as the paper's Table II has.
 
 
 @dataclass(frozen=True, kw_only=True)
-class Standing:
-    """Where a study stood when it was read."""
+class Status:
+    """Status of a study when it was read."""
 
     folder: Path
     """Where it is."""
@@ -70,7 +70,7 @@ class Standing:
 
     @property
     def mode(self) -> str | None:
-        """How it searches, if it could have searched otherwise."""
+        """The mode of its search, if its version had several."""
         return self.settings.get("search.mode")
 
     @property
@@ -116,8 +116,8 @@ class Standing:
         }
 
 
-def standing(path: str | Path) -> Standing:
-    """Where the study in a folder stands; a running one is not disturbed.
+def read_status(path: str | Path) -> Status:
+    """Return the status of the study in a folder; a running one is not disturbed.
 
     Raises:
         StudyError: there is no study, or it cannot be read.
@@ -129,7 +129,7 @@ def standing(path: str | Path) -> Standing:
     ended = "finished" if "finished" in description else "unfinished"
     feasible = feasible_walks(walks, settings.constraints, settings.search.objective)
     failures = Counter(walk.walk.failure for walk in walks if walk.is_search_walk)
-    return Standing(
+    return Status(
         folder=file.parent,
         state="running" if running else ended,
         settings=description["settings"],

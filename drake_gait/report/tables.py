@@ -12,6 +12,7 @@ from drake_gait.foot import DESIGN_UNITS, N_MM_PER_DEG
 from drake_gait.gait import CYCLE_TIME, FRAME_TIME, TERMS, WAVEFORMS
 from drake_gait.problem import Constraints
 from drake_gait.report.result import PAPER_TABLE
+from drake_gait.study import finalists as study_finalists
 from drake_gait.study.ranking import feasible_walks
 from drake_gait.study.records import CONFIRMATION, StudyWalk
 from drake_gait.study.search_settings import Mode
@@ -103,6 +104,51 @@ def beside_the_paper(walks: Sequence[StudyWalk], limits: Constraints) -> Table:
 
 def _paper_s_numbers(lateral: float, forward: float, yaw: float, frames: int) -> list[str]:
     return [number(lateral, 2), number(forward, 2), number(yaw, 2), str(frames)]
+
+
+def tiers(settings: StudySettings, walks: Sequence[StudyWalk]) -> Table | None:
+    """Return the candidates that were walked again in full, tier by tier; None without any."""
+    rows = [
+        [
+            str(one.walk.id),
+            number(1e3 * one.walk.walk.forward, 1),
+            *_in_tier(one.variations, one.feasible, number(1e3 * one.median, 1)),
+            *_in_tier(one.converged, one.converged_feasible, _median(one.converged)),
+            *_in_tier(one.servo, one.servo_feasible, _upright(one.servo)),
+            f"T{one.tier}",
+        ]
+        for one in study_finalists.finalists(settings, walks)
+        if len(one.variations) >= settings.confirmation.replicas
+    ]
+    if not rows:
+        return None
+    return Table(
+        caption="Walked again, with noise and other friction",
+        columns=[
+            "walk",
+            "Z [mm]",
+            "T1 median",
+            "feasible",
+            "T2 median",
+            "feasible",
+            "T3 upright",
+            "feasible",
+            "tier",
+        ],
+        rows=rows,
+    )
+
+
+def _in_tier(walks: Sequence[StudyWalk], feasible: int, told: str) -> tuple[str, str]:
+    return told, f"{feasible} of {len(walks)}" if walks else "–"
+
+
+def _median(walks: Sequence[StudyWalk]) -> str:
+    return number(1e3 * float(np.median([one.walk.forward for one in walks])), 1) if walks else "–"
+
+
+def _upright(walks: Sequence[StudyWalk]) -> str:
+    return f"{sum(one.walk.survived for one in walks)} of {len(walks)}" if walks else "–"
 
 
 def finalists(result: Mapping[str, Any], *, dropped: bool = False) -> Table | None:

@@ -76,8 +76,8 @@ def checked(content: bytes) -> Description:
     Not to be changed: `tree` gives elements that may be.
 
     Raises:
-        ModelError: it is another format, or a link, a joint or a number cannot be used; the text
-            begins where the name of the file ends.
+        ModelError: a link, a joint, a number or the format cannot be used. The text lacks the name
+            of the file.
     """
     description = Description(content)
     model = description.model()

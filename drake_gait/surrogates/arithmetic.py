@@ -45,9 +45,9 @@ _lock = threading.Lock()
 
 
 def _set_torch_threads(count: int, *, elsewhere: int) -> None:
-    """Give this thread a number of threads; threads that begin later shall have another.
+    """Give this thread a number of threads, and another one to threads that begin later.
 
-    torch keeps one number for each thread that has computed, and one for those to come. It sets
+    Torch keeps one number for each thread that has computed, and one for those to come. It sets
     both at once.
     """
     with _lock:

@@ -1,7 +1,7 @@
-"""Baselines: what ridge regression, kriging and logistic regression make of the same walks.
+"""Baselines beside the network: ridge regression, kriging and logistic regression.
 
-A network that does not beat a straight line is not worth its name, so each is fitted beside it and
-predicts the walks that the network's members predict: each walk is left out with the same fold.
+A network that does not beat a straight line is not worth its name. Each baseline predicts the walks
+that the network's members predict: each walk is left out with the same fold.
 """
 
 import threading
@@ -42,7 +42,7 @@ _filters = threading.RLock()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Comparison:
-    """What the network and the baselines explain of walks that they have not seen."""
+    """Scores of the network and the baselines on walks that they have not seen."""
 
     ridge: FloatArray
     """R² of ridge regression, shape (k,)."""
@@ -108,8 +108,8 @@ def ridge(x: FloatArray, outputs: FloatArray, new: FloatArray) -> FloatArray:
 def kriging(x: FloatArray, outputs: FloatArray) -> Model:
     """A Gaussian process of one Matérn 5/2 kernel and white noise for every output.
 
-    The three numbers of a kernel are those of largest likelihood on at most 256 of the walks given
-    here, found once for all folds: three numbers hardly tell one walk from the others.
+    The three numbers of a kernel have the largest likelihood on at most 256 of the given walks.
+    They are found once for all folds: three numbers hardly tell one walk from the others.
     """
     offset, scale = _scaling(outputs)
     chosen = np.random.default_rng(len(x)).permutation(len(x))[:_KERNEL_WALKS]

@@ -1,7 +1,7 @@
 """The network: what a walk will be, learnt from the walks simulated so far (paper, IV.A).
 
-Three layers as in the paper, sigmoid hidden units and back-propagation on the squared error
-(Eqs. 18-21), in an ensemble: every member leaves out one fold of the walks, so that each walk is
+It has three layers as in the paper, sigmoid hidden units, and back-propagation on the squared error
+(Eqs. 18-21). Every member of the ensemble leaves out one fold of the walks. So each walk is
 predicted by a member that has not seen it. Regressors learn from walks that survived; a classifier
 of the same form learns which do.
 """
@@ -31,7 +31,7 @@ FEWEST_SURVIVORS = 2 * _MEMBERS
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prediction:
-    """What the network expects of n candidates."""
+    """Expectations of a network for n candidates."""
 
     mean: FloatArray
     """Outputs of a walk that survives, shape (n, k)."""
@@ -42,7 +42,7 @@ class Prediction:
 
 
 class Network(Protocol):
-    """What predicts walks."""
+    """A surrogate: it predicts walks."""
 
     def predict(self, x: FloatArray) -> Prediction:
         """Predictions for design vectors, shape (n, d)."""
@@ -195,7 +195,7 @@ class Surrogate:
 
 
 def learnable(outputs: FloatArray, survived: BoolArray) -> BoolArray:
-    """Which walks' outputs a network can learn, shape (n,): they survived, and left numbers.
+    """Return which walks a network can learn from, shape (n,): they survived, and left numbers.
 
     A walk that went nowhere has no finite cost of transport.
     """
@@ -363,8 +363,10 @@ def checked_walks(
             raise SettingsError(f"{name} must be {shape} in shape, got {array.shape}")
     for name, array in (("outputs", values), ("survived", alive)):
         if len(array) != len(points):
-            raise SettingsError(f"{name} must have a row for each of {len(points)} walks in x, "
-                                f"got {array.shape} in shape")  # fmt: skip
+            raise SettingsError(
+                f"{name} must have a row for each of {len(points)} walks in x, "
+                f"got {array.shape} in shape"
+            )
     if alive.ndim != 1 or not np.isin(alive, (0.0, 1.0)).all():
         raise SettingsError("survived must be (n,) in shape, each True or False")
     _refuse_infinite("x", points)

@@ -1,7 +1,7 @@
 """Kriging: a network's errors on the walks of late tell those to expect nearby.
 
-A network knows the slope of the land, its errors the holes. It learns for a second or more, they
-are kriged in hundredths of one: so they can be those of walks that it has not yet learnt from.
+The network learns for a second or more; its errors are kriged in hundredths of one. So the errors
+can be those of walks that it has not yet learnt from.
 """
 
 import numpy as np
@@ -71,9 +71,9 @@ class KrigedNetwork:
 class ErrorProcesses:
     """Gaussian processes with Matérn 5/2 kernels, of errors whose mean is nothing.
 
-    Each has the length and the noise, of five and four, of the largest likelihood, and the variance
-    that makes it so (Rasmussen and Williams 2006, Eqs. 2.25, 2.26 and 5.8). One eigenvalue
-    problem for every length answers for all noises and all columns.
+    Each has the length, noise and variance of the largest likelihood, of five lengths and four
+    noises. (Rasmussen and Williams 2006, Eqs. 2.25, 2.26 and 5.8.) One eigenvalue problem for every
+    length answers for all noises and all columns.
 
     Args:
         x: Points, shape (n, d).

@@ -1,7 +1,7 @@
-"""What decides the distance: variance-based sensitivity of the network in the box of a study.
+"""Sensitivity of the distance to the design variables, by the network, in the box of a study.
 
-Sobol's indices (Sobol 2001; estimators of Saltelli and others 2010, in scipy): the inputs are
-independent and uniform in the box, as the samples of the design of experiments are.
+These are Sobol's indices (Sobol 2001), by the estimators of Saltelli and others (2010) in scipy.
+The inputs are independent and uniform in the box, as the samples of the design of experiments are.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,7 +18,7 @@ _POINTS = 512  # a power of two; the network is asked at (d + 2) times as many
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sensitivity:
-    """How much each of d design variables decides an output."""
+    """Shares of d design variables in the variance of an output."""
 
     names: Sequence[str]
     """The design variables."""

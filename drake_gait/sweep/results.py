@@ -1,4 +1,4 @@
-"""What a sweep found: one row for each of its studies, and the variants beside each other."""
+"""Results of a sweep: one row for each of its studies, and the variants beside each other."""
 
 import csv
 import io
@@ -15,6 +15,7 @@ from drake_gait.errors import StudyError
 from drake_gait.files.destination import write
 from drake_gait.files.strict_json import from_json, to_json
 from drake_gait.report.study_result import with_frames
+from drake_gait.report.tables import Table
 from drake_gait.sweep.settings import PlannedStudy, Sweep
 
 Row = Mapping[str, Any]
@@ -172,31 +173,34 @@ def _p_value(values: Sequence[float], others: Sequence[float]) -> float | None:
     return float(stats.mannwhitneyu(values, others, alternative="two-sided").pvalue)
 
 
-def table(found: Sequence[VariantSummary]) -> str:
-    """The variants beside each other, median (lowest to highest), as text."""
-    heads = [
-        "variant",
-        "feasible",
-        "robust",
-        *(head for _, head, _ in _COLUMNS),
-        "p of Z",
-        "robust",
-    ]
-    lines = [heads]
+def table(found: Sequence[VariantSummary]) -> Table:
+    """Return the variants beside each other, median (lowest to highest) of each number."""
+    rows = []
     for item in found:
-        cells = [
-            item.variant,
-            *(f"{count}/{item.studies}" for count in (item.feasible, item.robust)),
-        ]
-        for key, _, digits in _COLUMNS:
-            cells.append(item.spreads[key].in_words(digits) if key in item.spreads else "-")
         p_values = [item.p_values.get(key) for key in (FURTHEST, ROBUST)]
-        cells += ["-" if p_value is None else f"{p_value:.3f}" for p_value in p_values]
-        lines.append(cells)
-    widths = [max(len(line[column]) for line in lines) for column in range(len(heads))]
-    return "\n".join(
-        "   ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
-        for line in lines
+        rows.append(
+            [
+                item.variant,
+                *(f"{count}/{item.studies}" for count in (item.feasible, item.robust)),
+                *(
+                    item.spreads[key].in_words(digits) if key in item.spreads else "-"
+                    for key, _, digits in _COLUMNS
+                ),
+                *("-" if p_value is None else f"{p_value:.3f}" for p_value in p_values),
+            ]
+        )
+    return Table(
+        caption="Median over the seeds (lowest to highest); p against the first variant",
+        columns=[
+            "variant",
+            "feasible",
+            "robust",
+            *(head for _, head, _ in _COLUMNS),
+            "p of Z",
+            "p of robust Z",
+        ],
+        rows=rows,
+        numbers=False,
     )
 
 

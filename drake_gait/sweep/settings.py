@@ -1,4 +1,4 @@
-"""What a sweep is to run, read from its TOML file: variants of one study, or a grid of feet.
+"""Settings of a sweep, read from its TOML file: variants of one study, or a grid of feet.
 
     [sweep]
     name = "toes_or_rigid"
@@ -155,7 +155,9 @@ def _sweep(content: Mapping[str, Any], folder: Path, out: Path | None) -> Sweep:
     if "grid" in content:
         if "seeds" in head:
             raise SettingsError("a [grid] has no sweep.seeds; its base has the seed")
-        return Sweep(**named, grid=_grid(_table("grid", content["grid"]), base, common, folder))
+        about = {("study", key): named[key] for key in ("name", "question")}
+        values = _table("grid", content["grid"])
+        return Sweep(**named, grid=_grid(values, base, {**common, **about}, folder))
     _check_names(_table("variants", content["variants"]))
     variants = {
         name: {**common, **_overrides(f"variants.{name}", values, folder)}

@@ -1,4 +1,4 @@
-"""What is to be seen of a walk in Meshcat: robot, floor, paths, ground reaction, light, camera."""
+"""Scene of a walk in Meshcat: robot, floor, paths, ground reaction, light, camera."""
 
 import ctypes
 import gc
@@ -35,25 +35,35 @@ from drake_gait.robot.description import Model
 from drake_gait.simulation.messages import default_context
 from drake_gait.simulation.plant import add_robot
 from drake_gait.simulation.plant_config import PlantConfig
+from drake_gait.visualization.palette import (
+    COARSE_LINE,
+    COM,
+    FINE_LINE,
+    FINISH,
+    FLOOR,
+    LEFT,
+    RIGHT,
+    SKY_ABOVE,
+    SKY_BELOW,
+    START,
+    rgb,
+)
 from drake_gait.walk import History
 
 FORCE_SCALE = 0.010
 """Length of a ground reaction arrow [m/N]: the robot's weight is 147 mm long."""
 
-# Okabe and Ito's palette, as in figures.py; right is blue and left is vermilion in both.
-_COM, _RIGHT, _LEFT = Rgba(0.0, 0.62, 0.45), Rgba(0.0, 0.45, 0.70), Rgba(0.84, 0.37, 0.0)
+_COM, _RIGHT, _LEFT = (Rgba(*rgb(colour)) for colour in (COM, RIGHT, LEFT))
 _FLOOR, _FINE_LINE, _COARSE_LINE = (
-    Rgba(0.80, 0.82, 0.84),
-    Rgba(0.73, 0.75, 0.77),
-    Rgba(0.52, 0.55, 0.6),
+    Rgba(*rgb(colour)) for colour in (FLOOR, FINE_LINE, COARSE_LINE)
 )
-_START, _FINISH = Rgba(0.25, 0.27, 0.30), Rgba(0.80, 0.47, 0.65)
+_START, _FINISH = Rgba(*rgb(START)), Rgba(*rgb(FINISH))
 
 _FIELD_OF_VIEW = np.radians(24.0)  # narrow: little perspective, so that lengths can be compared
 VIEW = (0.62, -1.0, 0.42)
 """Direction of the camera: from the robot's right, ahead and above."""
 ROBOT_HEIGHT = 0.41
-"""What is to be seen above the floor [m]."""
+"""Height that is shown above the floor [m]."""
 _ASPECT = 1.5  # width over height of a page, at least; a narrower one shows all of it smaller
 _FILLED, _PANEL = 0.94, 0.22  # parts of half the picture: filled by the walk, hidden by the panel
 _MARGIN = 0.10  # room round the walk: the feet reach 80 mm beyond the ankles [m]
@@ -112,7 +122,7 @@ def start_meshcat(port: int | None = None) -> Meshcat:
     try:
         with _log_level:
             level = log.level
-            log.setLevel(logging.WARNING)  # or it invites to where nothing is to be seen yet
+            log.setLevel(logging.WARNING)  # Or it invites to an empty page.
             try:
                 meshcat = Meshcat(MeshcatParams(host="localhost", port=port, show_stats_plot=False))
             finally:
@@ -377,8 +387,8 @@ def set_lights(meshcat: Meshcat) -> None:
     """One lamp from above that casts shadows, soft light around, and a sky."""
     meshcat.SetProperty("/Grid", "visible", False)
     meshcat.SetProperty("/Axes", "visible", False)
-    meshcat.SetProperty("/Background/<object>", "top_color", [0.80, 0.87, 0.93])
-    meshcat.SetProperty("/Background/<object>", "bottom_color", [0.97, 0.97, 0.96])
+    meshcat.SetProperty("/Background/<object>", "top_color", list(rgb(SKY_ABOVE)))
+    meshcat.SetProperty("/Background/<object>", "bottom_color", list(rgb(SKY_BELOW)))
     meshcat.SetProperty("/Lights/SpotLight", "visible", True)
     meshcat.SetProperty("/Lights/SpotLight/<object>", "castShadow", True)
     meshcat.SetProperty("/Lights/SpotLight/<object>", "position", [0.9, -1.1, 2.2])

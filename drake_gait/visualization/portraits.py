@@ -29,6 +29,7 @@ from drake_gait.robot.description import Model
 from drake_gait.simulation.messages import drake_messages, without_folders
 from drake_gait.simulation.plant import add_robot
 from drake_gait.simulation.plant_config import PlantConfig
+from drake_gait.visualization.palette import UNPAINTED, rgb
 from drake_gait.visualization.rasterizer import (
     FROM_AHEAD,
     FROM_THE_RIGHT,
@@ -39,7 +40,7 @@ from drake_gait.visualization.rasterizer import (
 from drake_gait.walk import DEFAULT_MODEL, History
 
 _ROUND = 32  # sides of a drawn cylinder
-_UNPAINTED = Rgba(0.7, 0.7, 0.7)
+_UNPAINTED = Rgba(*rgb(UNPAINTED))
 _POINTS = 200  # of a drawn ball
 
 
@@ -124,7 +125,7 @@ def _solids(
 
 
 def _parts(plant: MultibodyPlant, inspector: SceneGraphInspector) -> Iterator[_Part]:
-    """What is seen of the robot; shapes of other kinds than box and cylinder as their hulls."""
+    """Return the visible parts of the robot; other shapes than box and cylinder as their hulls."""
     for geometry in inspector.GetAllGeometryIds(Role.kIllustration):
         shape = inspector.GetShape(geometry)
         if isinstance(shape, Box):

@@ -6,6 +6,7 @@ it at rest at 1.5 s.
 
 import html
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -21,6 +22,7 @@ from drake_gait.files.destination import write
 from drake_gait.gait import FRAME_TIME
 from drake_gait.problem import Candidate
 from drake_gait.robot.description import Model
+from drake_gait.visualization import palette
 from drake_gait.visualization.meshcat import (
     FORCE_SCALE,
     ROBOT_HEIGHT,
@@ -174,10 +176,10 @@ def _with_panel(page: str, caption: str, labels: Sequence[dict[str, Any]]) -> st
     panel = (files("drake_gait.visualization") / "recording_panel.html").read_text(encoding="utf-8")
     # No label can end the script that holds it.
     listed = json.dumps(labels).replace("<", "\\u003c")
-    for name, text in (
-        ("scale", f"{1e3 * FORCE_SCALE:g}"), ("labels", listed), ("caption", title)
-    ):  # fmt: skip
-        panel = panel.replace(f"@{name}@", text)
+    texts = {"scale": f"{1e3 * FORCE_SCALE:g}", "labels": listed}
+    colours = ("COM", "RIGHT", "LEFT", "START", "FINISH", "INK", "FOCUS", "WARNING", "WHITE")
+    texts |= {"caption": title, **{name: getattr(palette, name) for name in colours}}
+    panel = re.sub("@([a-zA-Z]+)@", lambda named: texts[named[1]], panel)
     guard = (files("drake_gait.visualization") / "recording_guard.html").read_text(encoding="utf-8")
     head = f'<title>{title}</title>\n<link rel="icon" href="data:,">'  # A server has no other.
     page = page.replace("<title>Drake MeshCat</title>", head, 1)

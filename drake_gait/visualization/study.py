@@ -14,19 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from drake_gait.errors import SettingsError
 from drake_gait.gait import FloatArray
 from drake_gait.surrogates.sensitivity import Sensitivity
-from drake_gait.visualization.style import (
-    BLUE,
-    COLUMN,
-    GREEN,
-    GREY,
-    INK,
-    PAGE,
-    SKY,
-    VERMILION,
-    new_figure,
-    save_figure,
-    style,
-)
+from drake_gait.visualization.palette import BLUE, GREEN, GREY, INK, SHADE, SKY, VERMILION
+from drake_gait.visualization.style import COLUMN, PAGE, new_figure, save_figure, style
 
 _MANY = 400  # walks, from which on their marks are smaller
 _MAP = "cividis"  # even in lightness, and alike for all kinds of colour vision
@@ -54,20 +43,39 @@ def convergence(forward_mm: ArrayLike, feasible: ArrayLike, path: Path, *, sampl
         figure = new_figure(COLUMN, 2.7)
         axes = figure.subplots()
         rejected = ~fell & ~holds
-        axes.plot(number[rejected], forward[rejected], ".", color=GREY, markersize=3.0,
-                  alpha=0.7, label="not feasible")  # fmt: skip
+        axes.plot(
+            number[rejected],
+            forward[rejected],
+            ".",
+            color=GREY,
+            markersize=3.0,
+            alpha=0.7,
+            label="not feasible",
+        )
         axes.plot(number[holds], forward[holds], ".", color=GREEN, markersize=5.0, label="feasible")
         axes.step(number, best, where="post", color=BLUE, label="best feasible")
         if fell.any():
             # At the lower edge, whatever the scale.
-            axes.plot(number[fell], np.full(fell.sum(), 0.015), "|", color=VERMILION,
-                      markersize=4.0, alpha=0.7, transform=axes.get_xaxis_transform(),
-                      label="fell")  # fmt: skip
+            axes.plot(
+                number[fell],
+                np.full(fell.sum(), 0.015),
+                "|",
+                color=VERMILION,
+                markersize=4.0,
+                alpha=0.7,
+                transform=axes.get_xaxis_transform(),
+                label="fell",
+            )
         if 0 < samples < forward.size:
             axes.axvline(samples + 0.5, color=INK, linewidth=0.7, linestyle=":")
-            axes.annotate("samples | search", (samples + 0.5, 1.0),
-                          xycoords=axes.get_xaxis_transform(), ha="center", va="bottom",
-                          fontsize=7.0)  # fmt: skip
+            axes.annotate(
+                "samples | search",
+                (samples + 0.5, 1.0),
+                xycoords=axes.get_xaxis_transform(),
+                ha="center",
+                va="bottom",
+                fontsize=7.0,
+            )
         axes.set_xlim(0, max(forward.size, 1) + 1)
         axes.set_xlabel("walk")
         axes.set_ylabel("distance walked [mm]")
@@ -117,8 +125,15 @@ def predicted_against_simulated(
             scores = r2_train if label == "training" else r2_heldout
             for output, (name, unit) in enumerate(names_units):
                 axes = row[output]
-                axes.plot(truth[:, output], predicted[:, output], marker, color=colour,
-                          markersize=size, markeredgewidth=0.0, alpha=0.6)  # fmt: skip
+                axes.plot(
+                    truth[:, output],
+                    predicted[:, output],
+                    marker,
+                    color=colour,
+                    markersize=size,
+                    markeredgewidth=0.0,
+                    alpha=0.6,
+                )
                 axes.set_title(f"{name}, {label}: R² {scores[output]:.2f}")
                 axes.set_ylabel(f"predicted [{unit}]")
                 if label == "held out":
@@ -129,7 +144,7 @@ def predicted_against_simulated(
 
 
 def sensitivity(found: Sensitivity, path: Path) -> None:
-    """How much of the distance's variance each design variable decides, the largest on top."""
+    """Draw the shares of the design variables in the distance's variance, the largest on top."""
     order = np.argsort(found.total)
     place = np.arange(len(order))
     further = found.slope[order] >= 0.0
@@ -140,10 +155,19 @@ def sensitivity(found: Sensitivity, path: Path) -> None:
             (further, BLUE, "more of it: further"),
             (~further, VERMILION, "more of it: less far"),
         ):
-            axes.barh(place[chosen], 100.0 * found.total[order][chosen], color=colour, alpha=0.45,
-                      label=label)  # fmt: skip
-            axes.barh(place[chosen], 100.0 * np.maximum(found.alone[order][chosen], 0.0),
-                      color=colour, height=0.35)  # fmt: skip
+            axes.barh(
+                place[chosen],
+                100.0 * found.total[order][chosen],
+                color=colour,
+                alpha=0.45,
+                label=label,
+            )
+            axes.barh(
+                place[chosen],
+                100.0 * np.maximum(found.alone[order][chosen], 0.0),
+                color=colour,
+                height=0.35,
+            )
         axes.barh([0], [0.0], color=INK, height=0.35, label="narrow: by itself")
         axes.set_yticks(place, [found.names[index].replace("_", " ") for index in order])
         axes.set_ylim(-0.7, len(order) - 0.3)
@@ -183,23 +207,35 @@ def parallel_coordinates(
     with style():
         figure = new_figure(PAGE, 3.0)
         axes = figure.subplots()
-        axes.axhspan(-1.0, 1.0, color="#eef0f3", zorder=0)
+        axes.axhspan(-1.0, 1.0, color=SHADE, zorder=0)
         axes.add_collection(
             LineCollection(list(lines[~holds]), colors=GREY, linewidths=0.4, alpha=0.25)
         )
         coloured = LineCollection(list(lines[order]), cmap=_MAP, linewidths=0.9, alpha=0.9)
         coloured.set_array(forward[order])
         axes.add_collection(coloured)
-        axes.plot(place, np.asarray(best), "o-", color=VERMILION, linewidth=1.6, markersize=3.5,
-                  label=label)  # fmt: skip
+        axes.plot(
+            place,
+            np.asarray(best),
+            "o-",
+            color=VERMILION,
+            linewidth=1.6,
+            markersize=3.5,
+            label=label,
+        )
         axes.plot([], [], color=GREY, linewidth=0.8, label="not feasible")
-        axes.fill_between([], [], color="#eef0f3", label="box of the samples")
+        axes.fill_between([], [], color=SHADE, label="box of the samples")
         if len(order):
             figure.colorbar(coloured, ax=axes, label="distance of feasible walks [mm]", pad=0.01)
         reach = 1.08 * max(1.0, float(np.abs(points).max(initial=0.0)))
         axes.set(xlim=(-0.3, len(names) - 0.7), ylim=(-reach, reach))
-        axes.set_xticks(place, [name.replace("_", " ") for name in names], rotation=45, ha="right",
-                        rotation_mode="anchor")  # fmt: skip
+        axes.set_xticks(
+            place,
+            [name.replace("_", " ") for name in names],
+            rotation=45,
+            ha="right",
+            rotation_mode="anchor",
+        )
         axes.grid(visible=False, axis="y")
         axes.set_ylabel("value [half widths of the box]")
         figure.legend(loc="outside upper center", ncols=3)
@@ -224,11 +260,24 @@ def pareto(
         figure = new_figure(COLUMN, 2.7)
         axes = figure.subplots()
         if np.isfinite(cost[~holds]).any():
-            axes.plot(forward[~holds], cost[~holds], ".", color=GREY, markersize=3.0, alpha=0.7,
-                      label="not feasible")  # fmt: skip
+            axes.plot(
+                forward[~holds],
+                cost[~holds],
+                ".",
+                color=GREY,
+                markersize=3.0,
+                alpha=0.7,
+                label="not feasible",
+            )
         axes.plot(forward[holds], cost[holds], ".", color=GREEN, markersize=5.0, label="feasible")
-        axes.plot(forward[holds][front], cost[holds][front], "o-", color=BLUE, markersize=4.0,
-                  label="Pareto front")  # fmt: skip
+        axes.plot(
+            forward[holds][front],
+            cost[holds][front],
+            "o-",
+            color=BLUE,
+            markersize=4.0,
+            label="Pareto front",
+        )
         usual = cost[np.isfinite(cost) & (cost > 0.0)]
         if usual.size:
             # A walk that hardly advances costs without bound.
@@ -262,5 +311,5 @@ def _identity(shared: Sequence[Axes]) -> None:
     low = min(shared[0].get_xlim()[0], shared[0].get_ylim()[0])
     high = max(shared[0].get_xlim()[1], shared[0].get_ylim()[1])
     for axes in shared:
-        axes.plot([low, high], [low, high], color="black", linewidth=0.7, zorder=0)
+        axes.plot([low, high], [low, high], color=INK, linewidth=0.7, zorder=0)
         axes.set(xlim=(low, high), ylim=(low, high), aspect="equal")

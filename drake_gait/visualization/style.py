@@ -1,7 +1,6 @@
-"""The one style of all figures: sizes, colours, and how a figure becomes a file.
+"""The one style of all figures: sizes, fonts, and how a figure becomes a file.
 
-A journal's column wide, a unit on every axis, colours that remain apart for colour-blind readers;
-right is blue and left is vermilion everywhere. `walk_figures` and `study_figures` draw.
+Figures are a journal's column wide, and have a unit on every axis. `palette` has the colours.
 """
 
 import io
@@ -19,6 +18,7 @@ from matplotlib.image import imsave
 
 from drake_gait.errors import SettingsError
 from drake_gait.files.destination import write
+from drake_gait.visualization.palette import LINE
 from drake_gait.visualization.rasterizer import Picture
 
 COLUMN = 3.5
@@ -32,14 +32,6 @@ FORMATS = (".png", ".svg")
 
 # Without a date or a version inside, the same data give the same file.
 _NAMELESS: dict[str, Any] = {".svg": {"Date": None}, ".png": {"Software": None}}
-
-# Okabe and Ito's palette.
-BLUE, VERMILION, GREEN = "#0072b2", "#d55e00", "#009e73"
-ORANGE, PURPLE, SKY, GREY = "#e69f00", "#cc79a7", "#56b4e9", "#8a8f98"
-INK = "#2b2f36"
-RIGHT, LEFT, COM = BLUE, VERMILION, GREEN
-SIDES = (("right", RIGHT), ("left", LEFT))
-"""Name and colour of each side, in the order of every array with two feet."""
 
 # Its keys have no type that every release of matplotlib shares.
 STYLE: Any = {
@@ -55,7 +47,7 @@ STYLE: Any = {
     "axes.grid": True,
     "axes.axisbelow": True,
     "axes.linewidth": 0.6,
-    "grid.color": "#dfe2e6",
+    "grid.color": LINE,
     "grid.linewidth": 0.5,
     "lines.linewidth": 1.2,
     "legend.frameon": False,

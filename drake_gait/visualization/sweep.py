@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from drake_gait.visualization.style import BLUE, COLUMN, VERMILION, new_figure, save_figure, style
+from drake_gait.visualization.palette import BLUE, VERMILION
+from drake_gait.visualization.style import COLUMN, new_figure, save_figure, style
 
 _MAP = "cividis"  # even in lightness, and alike for all kinds of colour vision
 
@@ -28,11 +29,23 @@ def variants(forward_mm: Mapping[str, Sequence[float]], path: Path) -> None:
             count = len(distances)
             # Beside each other, so that equal ones are seen.
             offsets = 0.06 * (np.arange(count) - (count - 1) / 2.0)
-            axes.plot(place + offsets, sorted(distances), ".", color=BLUE, markersize=6.0,
-                      label="one seed" if place == 0 else "")  # fmt: skip
+            axes.plot(
+                place + offsets,
+                sorted(distances),
+                ".",
+                color=BLUE,
+                markersize=6.0,
+                label="one seed" if place == 0 else "",
+            )
             if distances:
-                axes.hlines(np.median(distances), place - 0.3, place + 0.3, color=VERMILION,
-                            linewidth=1.6, label="median" if place == 0 else "")  # fmt: skip
+                axes.hlines(
+                    np.median(distances),
+                    place - 0.3,
+                    place + 0.3,
+                    color=VERMILION,
+                    linewidth=1.6,
+                    label="median" if place == 0 else "",
+                )
         axes.set_xticks(range(len(forward_mm)), [name.replace("_", " ") for name in forward_mm])
         if len(forward_mm) > 4:
             axes.tick_params(axis="x", rotation=30.0)
@@ -63,8 +76,9 @@ def grid(
         figure = new_figure(COLUMN, 2.9)
         axes = figure.subplots()
         image = axes.imshow(mean, origin="lower", aspect="auto", cmap=_MAP)
-        axes.set_xticks(range(len(levels[1])), levels[1], rotation=45, ha="right",
-                        rotation_mode="anchor")  # fmt: skip
+        axes.set_xticks(
+            range(len(levels[1])), levels[1], rotation=45, ha="right", rotation_mode="anchor"
+        )
         axes.set_yticks(range(len(levels[0])), levels[0])
         axes.set(xlabel=names[1], ylabel=names[0])
         axes.grid(visible=False)

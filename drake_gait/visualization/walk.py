@@ -12,15 +12,12 @@ from numpy.typing import NDArray
 from drake_gait.errors import SettingsError
 from drake_gait.gait import ANGULAR_VELOCITY, CYCLE_TIME, FRAME_TIME, JOINTS, WAVEFORMS, FloatArray
 from drake_gait.visualization import human
+from drake_gait.visualization.palette import COM, GREY, INK, SIDES
 from drake_gait.visualization.rasterizer import Picture
 from drake_gait.visualization.style import (
     COLUMN,
-    COM,
     GAIT_PHASES,
-    GREY,
-    INK,
     PAGE,
-    SIDES,
     new_figure,
     save_figure,
     style,
@@ -63,8 +60,15 @@ def waveforms(history: History, path: str | Path) -> None:
                 phase = np.linspace(0.0, 1.0, 121)
                 mean, deviation = human.angles(waveform, phase)
                 cycle = _NATURAL_CYCLE[0] + CYCLE_TIME * phase
-                axes.fill_between(cycle, mean - deviation, mean + deviation, color=GREY,
-                                  alpha=0.25, linewidth=0.0, zorder=1)  # fmt: skip
+                axes.fill_between(
+                    cycle,
+                    mean - deviation,
+                    mean + deviation,
+                    color=GREY,
+                    alpha=0.25,
+                    linewidth=0.0,
+                    zorder=1,
+                )
                 axes.plot(cycle, mean, color=INK, linewidth=0.9, zorder=1.5)
             axes.set_ylabel(f"{waveform} [deg]")
         panels[-1].set_xlabel("time [s]")
@@ -76,9 +80,14 @@ def waveforms(history: History, path: str | Path) -> None:
         panels[0].plot([], [], color=INK, linewidth=0.9, label="human, right leg")
         handles, labels = panels[0].get_legend_handles_labels()
         order = [0, 2, 1, 3, 4]  # of a legend in columns
-        figure.legend([handles[place] for place in order], [labels[place] for place in order],
-                      loc="outside upper center", ncols=3, columnspacing=1.2,
-                      handlelength=1.6)  # fmt: skip
+        figure.legend(
+            [handles[place] for place in order],
+            [labels[place] for place in order],
+            loc="outside upper center",
+            ncols=3,
+            columnspacing=1.2,
+            handlelength=1.6,
+        )
         figure.align_ylabels()
         save_figure(figure, path)
 
@@ -105,9 +114,14 @@ def paths(history: History, path: str | Path) -> None:
         walking = _between(history.time, *_GAIT_FUNCTION)
         if walking.sum() * FRAME_TIME > CYCLE_TIME:
             fitted, amplitude = sway(history.time[walking], history.com[walking, 1])
-            axes.plot(1e3 * (history.com[walking, 0] - origin[0]), 1e3 * (fitted - origin[1]), ":",
-                      color=INK, linewidth=1.1,
-                      label=f"sinusoid, ±{1e3 * amplitude:.0f} mm")  # fmt: skip
+            axes.plot(
+                1e3 * (history.com[walking, 0] - origin[0]),
+                1e3 * (fitted - origin[1]),
+                ":",
+                color=INK,
+                linewidth=1.1,
+                label=f"sinusoid, ±{1e3 * amplitude:.0f} mm",
+            )
         axes.set_aspect("equal", adjustable="datalim")
         axes.set_xlabel("forward [mm]")
         axes.set_ylabel("lateral, left positive [mm]")
@@ -151,10 +165,12 @@ def postures(history: History, pictures: Sequence[Picture], path: Path) -> None:
         raise SettingsError(f"postures needs {len(frames)} pictures, got {len(pictures)}")
     # All of the robot, however long its step; a panel is one of five across the page.
     reach = [
-        (1e3 * (picture.extent[0] - history.com[frame, 0]),
-         1e3 * (picture.extent[1] - history.com[frame, 0]))
+        (
+            1e3 * (picture.extent[0] - history.com[frame, 0]),
+            1e3 * (picture.extent[1] - history.com[frame, 0]),
+        )
         for frame, picture in zip(frames, pictures, strict=True)
-    ]  # fmt: skip
+    ]
     behind = min(-_ROOM_BEHIND, *(begin - _EDGE for begin, _ in reach))
     ahead = max(_ROOM_AHEAD, *(end + _EDGE for _, end in reach))
     scale = (_ROOM_BEHIND + _ROOM_AHEAD) / (ahead - behind)
@@ -168,16 +184,33 @@ def postures(history: History, pictures: Sequence[Picture], path: Path) -> None:
             left, right, lower, upper = (1e3 * edge for edge in picture.extent)
             for axes in (whole, toes):
                 axes.axhline(0.0, color=INK, linewidth=0.8, zorder=1)
-                axes.imshow(np.clip(picture.pixels, 0.0, 1.0), interpolation="antialiased",
-                            extent=(left - 1e3 * centre, right - 1e3 * centre, lower, upper),
-                            zorder=2)  # fmt: skip
+                axes.imshow(
+                    np.clip(picture.pixels, 0.0, 1.0),
+                    interpolation="antialiased",
+                    extent=(left - 1e3 * centre, right - 1e3 * centre, lower, upper),
+                    zorder=2,
+                )
                 axes.set_aspect("equal")
             for foot, (_, colour) in enumerate(SIDES):
                 ankle = history.ankles[frame, foot]
-                whole.plot(1e3 * (ankle[0] - centre), 1e3 * ankle[2], "o", color=colour,
-                           markersize=4.5, markeredgecolor="white", zorder=3)  # fmt: skip
-            whole.plot(0.0, 1e3 * history.com[frame, 2], "o", color=COM, markersize=5.5,
-                       markeredgecolor="white", zorder=3)  # fmt: skip
+                whole.plot(
+                    1e3 * (ankle[0] - centre),
+                    1e3 * ankle[2],
+                    "o",
+                    color=colour,
+                    markersize=4.5,
+                    markeredgecolor="white",
+                    zorder=3,
+                )
+            whole.plot(
+                0.0,
+                1e3 * history.com[frame, 2],
+                "o",
+                color=COM,
+                markersize=5.5,
+                markeredgecolor="white",
+                zorder=3,
+            )
             whole.set(xlim=(behind, ahead), ylim=(-12.0, 418.0))
             whole.set_title(f"{instant:.1f} s, {phase}")
             # Of the foot whose toes are bent more; in front of its ankle, at twice the scale.
@@ -225,8 +258,15 @@ def ground_reaction(history: History, path: str | Path) -> None:
         ]
         rows.append((f"both, {100.0 * both.mean():.0f} %", GREY, both))
         for row, (_, colour, down) in enumerate(rows):
-            contact.fill_between(history.time, 0.38 - row, -0.38 - row, where=down.tolist(),
-                                 step="post", color=colour, linewidth=0.0)  # fmt: skip
+            contact.fill_between(
+                history.time,
+                0.38 - row,
+                -0.38 - row,
+                where=down.tolist(),
+                step="post",
+                color=colour,
+                linewidth=0.0,
+            )
         contact.set_yticks([0, -1, -2], [name for name, _, _ in rows])
         contact.set_ylabel("on the ground")
         contact.grid(visible=False)
@@ -255,9 +295,11 @@ def torques(history: History, path: Path, limits: FloatArray) -> None:
             for bound in (-limits[joint], limits[joint]):
                 axes.axhline(bound, color=INK, linestyle=":", linewidth=0.9)
             peak = np.abs(history.torques[:, [joint, joint + pairs]]).max()
-            axes.set_title(f"{name.removesuffix('_r').replace('_', ' ')}: at most "
-                           f"{100.0 * peak / limits[joint]:.0f} % of the stall torque",
-                           loc="left")  # fmt: skip
+            axes.set_title(
+                f"{name.removesuffix('_r').replace('_', ' ')}: at most "
+                f"{100.0 * peak / limits[joint]:.0f} % of the stall torque",
+                loc="left",
+            )
         figure.supylabel("torque [N·m]", fontsize=8.0)
         panels[-1].set_xlabel("time [s]")
         panels[-1].set_xlim(0.0, history.time[-1])
@@ -269,6 +311,6 @@ def torques(history: History, path: Path, limits: FloatArray) -> None:
 
 
 def _between(time: FloatArray, begin: float, end: float) -> NDArray[np.bool_]:
-    """Which frames lie in begin <= t < end, shape (n,)."""
+    """Return whether each frame lies in begin <= t < end, shape (n,)."""
     half = FRAME_TIME / 2.0
     return (time > begin - half) & (time < end - half)

@@ -260,8 +260,11 @@ def test_exporting_again_leaves_the_user_s_own_trials(optuna, run, url, capsys, 
         if own == "numbered":
             trial.set_user_attr("id", 7)
         if own != "running":
-            goal.tell(trial, state=optuna.trial.TrialState.FAIL if own == "failed" else None,
-                      values=None if own == "failed" else 0.3)  # fmt: skip
+            goal.tell(
+                trial,
+                state=optuna.trial.TrialState.FAIL if own == "failed" else None,
+                values=None if own == "failed" else 0.3,
+            )
     before = goal.get_trials()[4]
     with Study.open(run, driver=True) as opened:
         opened.add(dataclasses.replace(walks[1], id=7))
@@ -366,7 +369,7 @@ def test_an_empty_study_that_the_user_has_made_is_taken(optuna, run, url, capsys
     assert "0 walks added" in told(capsys, run, "--optuna", url)
 
 
-def test_an_export_that_was_broken_off_goes_on(optuna, run, url, capsys, monkeypatch):
+def test_an_interrupted_export_is_resumed(optuna, run, url, capsys, monkeypatch):
     set_attribute = optuna.Study.set_user_attr
 
     def broken(goal, key, value):

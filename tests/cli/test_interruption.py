@@ -171,9 +171,13 @@ leave(status)
 @pytest.mark.parametrize(("sent", "status"), [("SIGINT", 130), ("SIGTERM", 143)])
 @pytest.mark.parametrize(
     ("moment", "said"),
-    [("imports", "stopped\n"), ("parsing", "stopped here\n"), ("work", "stopped here\n"),
-     ("afterwards", "stopped\n")],
-)  # fmt: skip
+    [
+        ("imports", "stopped\n"),
+        ("parsing", "stopped here\n"),
+        ("work", "stopped here\n"),
+        ("afterwards", "stopped\n"),
+    ],
+)
 def test_a_signal_at_any_moment_is_one_line_and_its_status(sent, status, moment, said):
     ended = subprocess.run(
         [sys.executable, "-c", MOMENTS, moment, sent], check=False, capture_output=True, text=True

@@ -142,8 +142,9 @@ def test_a_terminal_gets_a_picture_that_is_redrawn_in_place(of_400, clock, width
 def test_a_terminal_is_not_redrawn_faster_than_an_eye_sees(of_400, clock):
     def pictures(seconds):
         reports = [told(n) for n in range(1, 401)]
-        text = shown(of_400, reports, file=Terminal(), clock=clock, seconds=seconds,
-                     force_terminal=True)  # fmt: skip
+        text = shown(
+            of_400, reports, file=Terminal(), clock=clock, seconds=seconds, force_terminal=True
+        )
         return text.count("/400")
 
     assert pictures(0.001) < 10

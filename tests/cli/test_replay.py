@@ -70,7 +70,7 @@ def test_without_a_number_the_best_walk_is_recorded(run, capsys, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_walk_that_comes_out_otherwise_than_stored_is_told(run, capsys, tmp_path, monkeypatch):
+def test_a_walk_that_differs_from_the_stored_one_is_a_warning(run, capsys, tmp_path, monkeypatch):
     folder, _, walks = run
 
     def otherwise(candidate, walk_settings, *, history):

@@ -95,7 +95,7 @@ def test_a_study_is_running_while_a_driver_has_it(make, capsys, tmp_path, entry)
     assert "  unfinished  " in told(capsys, "list", tmp_path)
 
 
-def test_a_damaged_study_is_told_and_hides_no_other(make, capsys, tmp_path):
+def test_a_damaged_study_is_named_and_hides_no_other(make, capsys, tmp_path):
     make("one").close()
     (tmp_path / "two").mkdir()
     (tmp_path / "two" / "study.db").write_text("A letter. " * 500)
@@ -190,10 +190,16 @@ def test_a_study_that_cannot_be_read_is_one_line_and_hides_no_other(
 
 @pytest.mark.parametrize(
     "result",
-    ["[1]", "{", '{"simulations": 6, "r2_heldout": [1]}', '{"simulations": 6, "r2_heldout": 0}',
-     '{"simulations": 6, "r2_heldout": {"yaw": "good"}}', "\xff"],
-)  # fmt: skip
-def test_a_result_that_is_none_is_left_out(make, capsys, tmp_path, result):
+    [
+        "[1]",
+        "{",
+        '{"simulations": 6, "r2_heldout": [1]}',
+        '{"simulations": 6, "r2_heldout": 0}',
+        '{"simulations": 6, "r2_heldout": {"yaw": "good"}}',
+        "\xff",
+    ],
+)
+def test_an_unreadable_result_is_left_out(make, capsys, tmp_path, result):
     make().close()
     (tmp_path / "one" / "result.json").write_text(result, encoding="latin-1")
     for arguments in (["list", tmp_path], ["show", tmp_path / "one"]):

@@ -144,7 +144,7 @@ def kill_dask_worker(folder, times, candidate):
 
 
 @pytest.mark.slow
-def test_what_is_lost_with_a_dask_worker_is_walked_by_another(running, expected, tmp_path):
+def test_walks_of_a_lost_dask_worker_are_walked_by_another(running, expected, tmp_path):
     walk = functools.partial(kill_dask_worker, str(tmp_path), 1)
     assert numbers(walks_of(walk, 8, running)) == numbers(expected[:8])
     assert len(list(tmp_path.iterdir())) == 1
@@ -227,9 +227,7 @@ def test_a_scheduler_without_workers_is_refused_with_the_command_that_starts_one
     monkeypatch.setattr(cluster, "_PATIENCE", 0.5)
     process, path = scheduler(tmp_path)
     try:
-        with pytest.raises(
-            WorkerError, match=r"no worker for 0\.5 s; start some with `dask worker"
-        ):
+        with pytest.raises(WorkerError, match=r"0\.5 s.*`dask worker"):
             DaskCluster(stride, str(path))
     finally:
         stop(process)
@@ -237,7 +235,7 @@ def test_a_scheduler_without_workers_is_refused_with_the_command_that_starts_one
 
 @pytest.mark.slow
 @pytest.mark.parametrize("lost", ["scheduler", "worker"])
-def test_a_cluster_that_is_lost_is_an_error_that_says_how_to_go_on(monkeypatch, tmp_path, lost):
+def test_a_lost_cluster_is_an_error_with_its_cure(monkeypatch, tmp_path, lost):
     monkeypatch.setattr(cluster, "_WATCH_INTERVAL", 0.2)
     processes = {}
     processes["scheduler"], path = scheduler(tmp_path)
@@ -263,19 +261,19 @@ def test_a_cluster_that_is_lost_is_an_error_that_says_how_to_go_on(monkeypatch, 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "tcp://nowhere.invalid:8786"])
 def test_a_scheduler_that_does_not_answer_is_one_line_with_the_cure(monkeypatch, address):
     monkeypatch.setattr(cluster, "_CONNECTING_TIME", 1.0)
-    with pytest.raises(WorkerError, match=f"{address} .*start one with `dask scheduler") as caught:
+    with pytest.raises(WorkerError, match=f"{address} .*`dask scheduler") as caught:
         DaskCluster(stride, address)
     assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("address", ["", "nonsense", "ftp://127.0.0.1:1", "10.0.0.1", "tcp://host"])
-def test_what_is_no_address_is_refused_with_what_is_one(address):
+def test_an_unusable_address_is_refused_with_a_usable_one(address):
     with pytest.raises(SettingsError, match=f"tcp://HOST:PORT.*got {address}$"):
         DaskCluster(stride, address)
 
 
 def test_a_scheduler_file_that_does_not_exist_is_refused_with_what_writes_it():
-    with pytest.raises(SettingsError, match=r"no scheduler file none\.json; `dask scheduler --sch"):
+    with pytest.raises(SettingsError, match=r"none\.json.*`dask scheduler --sch"):
         DaskCluster(stride, "none.json")
 
 

@@ -48,15 +48,24 @@ VERSION_1 = "5:memory:/docker/abc\n4:cpu,cpuacct:/docker/abc\n1:name=systemd:/\n
         ("0::/\n", {"cpu.max": "50000 100000\n"}, 1),
         ("0::/a/b\n", {"a/b/cpu.max": "800000 100000", "a/cpu.max": "400000 100000"}, 4),
         ("0::/../x\n", {"cpu.max": "700000 100000"}, 7),
-        (VERSION_1, {"cpu,cpuacct/cpu.cfs_quota_us": "200000",
-                     "cpu,cpuacct/cpu.cfs_period_us": "100000"}, 2),
-        (VERSION_1, {"cpu/docker/abc/cpu.cfs_quota_us": "500000",
-                     "cpu/docker/abc/cpu.cfs_period_us": "100000"}, 5),
+        (
+            VERSION_1,
+            {"cpu,cpuacct/cpu.cfs_quota_us": "200000", "cpu,cpuacct/cpu.cfs_period_us": "100000"},
+            2,
+        ),
+        (
+            VERSION_1,
+            {
+                "cpu/docker/abc/cpu.cfs_quota_us": "500000",
+                "cpu/docker/abc/cpu.cfs_period_us": "100000",
+            },
+            5,
+        ),
         (VERSION_1, {"cpu/cpu.cfs_quota_us": "-1", "cpu/cpu.cfs_period_us": "100000"}, 64),
         ("0::/\n", {"cpu.max": "nonsense"}, 64),
         ("nonsense", {}, 64),
     ],
-)  # fmt: skip
+)
 def test_a_container_s_quota_counts(system, groups, files, expected):
     assert cores(system(groups, files)) == expected
 

@@ -22,7 +22,7 @@ def test_a_process_that_computes_for_longer_than_its_limit_hangs():
     assert first_hang([0.5 * second for second in range(30)]) == 20
 
 
-def test_what_a_process_computed_in_earlier_walks_does_not_count():
+def test_computing_time_of_earlier_walks_does_not_count():
     assert first_hang([500.0 + second for second in range(30)]) == 10
 
 

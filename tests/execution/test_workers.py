@@ -135,7 +135,7 @@ def test_an_error_in_a_worker_reaches_the_driver_with_its_text(failure, error):
         list(Serial(functools.partial(stride_or, failure, (1,))).run(candidates(4)))
 
 
-def test_an_error_in_the_driver_ends_workers_in_the_midst_of_a_walk():
+def test_an_error_in_the_driver_ends_workers_during_a_walk():
     def drive():
         walk = functools.partial(stride_or, hang, (0,))
         with LocalProcesses(walk, count=1, time_limit=2000.0) as processes:
@@ -210,8 +210,10 @@ def log_of_times(folder, candidate):
 def test_a_walk_whose_worker_died_is_walked_again_alone(tmp_path):
     with LocalProcesses(functools.partial(log_of_times, str(tmp_path)), count=3) as processes:
         assert len(list(processes.run(candidates(8)))) == 8
-    times = {int(path.stem): tuple(map(float, path.read_text().split()))
-             for path in tmp_path.glob("*.times")}  # fmt: skip
+    times = {
+        int(path.stem): tuple(map(float, path.read_text().split()))
+        for path in tmp_path.glob("*.times")
+    }
     for again in (0, 2, 4, 6):
         start, end = times.pop(again)
         assert all(others[1] <= start or end <= others[0] for others in times.values())
@@ -254,7 +256,7 @@ def test_workers_killed_again_and_again_cost_no_walk(expected):
 
 
 def test_workers_that_cannot_start_are_an_error_and_no_walks_that_diverged():
-    with pytest.raises(WorkerError, match="5 worker processes in a row died"):
+    with pytest.raises(WorkerError, match="5 worker processes"):
         run(DeadlyToLoad(), 2)
     with pytest.raises(ModelError, match="no joint 'hip'"):
         run(ForeignToLoad(), 2)
@@ -295,5 +297,5 @@ def test_workers_end_when_their_driver_is_killed(tmp_path, walk):
 
 @pytest.mark.parametrize("count", [0, -1])
 def test_no_workers_are_refused(count):
-    with pytest.raises(SettingsError, match=rf"workers must be >= 1, got {count}"):
+    with pytest.raises(SettingsError, match=rf"workers.*>= 1, got {count}"):
         LocalProcesses(stride, count=count)

@@ -163,7 +163,7 @@ def test_a_full_disk_leaves_the_old_file_and_nothing_else(tmp_path, names):
     assert sorted(path.name for path in tmp_path.iterdir()) == names
 
 
-def test_who_interrupts_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
+def test_an_interruption_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
     def interrupted(descriptor):
         raise KeyboardInterrupt
 
@@ -213,7 +213,7 @@ def unwritable(tmp_path):
     ["folder", "nowhere", "file", "loop", "loop/a", "xxx", "y/y", "null byte", "/dev/fd/987"],
 )
 @pytest.mark.parametrize("does", [write, check])
-def test_what_cannot_be_written_is_named_in_one_line(tmp_path, kind, does):
+def test_a_path_that_cannot_be_written_is_named_in_one_line(tmp_path, kind, does):
     path = unwritable(tmp_path)[kind]
     with pytest.raises(GaitError) as caught:
         does(path, "x", what="the page ") if does is write else does(path, what="the page ")
@@ -222,7 +222,7 @@ def test_what_cannot_be_written_is_named_in_one_line(tmp_path, kind, does):
     assert "\n" not in str(caught.value)
 
 
-def test_what_can_be_written_passes_the_check_and_is_not_touched(tmp_path):
+def test_a_path_that_can_be_written_passes_the_check_untouched(tmp_path):
     (tmp_path / "there").write_text(OLD)
     for path in (
         tmp_path / "there",

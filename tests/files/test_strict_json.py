@@ -31,7 +31,7 @@ def test_whatever_is_written_is_strict_and_reads_as_it_is_plain(value):
     "value",
     [math.nan, math.inf, -math.inf, np.float64("nan"), np.float32("inf"), np.array(np.nan)],
 )
-def test_what_is_not_finite_is_null_wherever_it_stands(value):
+def test_a_number_that_is_not_finite_is_null_at_any_depth(value):
     assert to_json(value) == "null"
     assert plain({"a": [(value, 1.0)], "b": {"c": value}}) == {"a": [[None, 1.0]], "b": {"c": None}}
 
@@ -60,6 +60,6 @@ def test_the_constants_of_older_files_are_read_as_nothing():
 
 
 @pytest.mark.parametrize("content", ["", "{", "nan", b"\xff\x00\x01", b"[1,", "[" * 100_000])
-def test_what_is_no_json_is_a_value_error(content):
+def test_content_that_is_not_json_is_a_value_error(content):
     with pytest.raises(ValueError, match=r"Expecting|decode|nested"):
         from_json(content)

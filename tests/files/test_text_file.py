@@ -66,7 +66,7 @@ def test_a_study_a_sweep_and_a_result_are_read_in_every_encoding(encoding, tmp_p
         (b"\x80", "line 1: byte 0x80"),
     ],
 )
-def test_what_is_no_text_is_named_by_file_line_and_byte(data, named, tmp_path):
+def test_bytes_that_are_not_text_are_named_by_file_line_and_byte(data, named, tmp_path):
     (tmp_path / "a.toml").write_bytes(data)
     with pytest.raises(SettingsError) as caught:
         read_text(tmp_path / "a.toml", "study")

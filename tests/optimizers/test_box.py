@@ -32,7 +32,7 @@ def test_a_decoded_point_stays_inside_and_decodes_to_itself(low, part):
     np.testing.assert_array_equal(box.decode(point), point)
 
 
-def test_what_left_the_box_comes_half_way_from_its_parent_to_the_bound():
+def test_a_trial_outside_the_box_comes_half_way_from_its_parent_to_the_bound():
     box = Box([(0.0, 1.0), (-2.0, 2.0)])
     trials = np.array([[1.5, 1.0], [-9.0, 7.0], [0.25, -2.0]])
     parents = np.array([[0.5, 0.0], [0.5, 1.0], [0.5, 0.0]])

@@ -49,9 +49,13 @@ def advance(optimiser, generations, fun=sphere, constraints=None):
 def test_trials_never_leave_the_bounds(variant, handling, seed, low):
     bounds = np.array([(low, low + 1.0), (-1e-3, 1e3), (low - 0.5, low + 7.3)])
     optimiser = Isade(
-        bounds, seed=seed, max_generations=15, variant=variant, handling=handling,
+        bounds,
+        seed=seed,
+        max_generations=15,
+        variant=variant,
+        handling=handling,
         integrality=[False, False, True],
-    )  # fmt: skip
+    )
     for trials in advance(optimiser, 15, constraints=outside_unit_ball):
         assert (bounds[:, 0] <= trials).all()
         assert (trials <= bounds[:, 1]).all()
@@ -102,9 +106,13 @@ def test_a_run_resumed_from_its_state_continues_as_if_never_interrupted(
     variant, handling, seed, generations
 ):
     optimiser = Isade(
-        BOX, seed=seed, max_generations=20, variant=variant, handling=handling,
+        BOX,
+        seed=seed,
+        max_generations=20,
+        variant=variant,
+        handling=handling,
         integrality=[True, False, False],
-    )  # fmt: skip
+    )
     advance(optimiser, generations, rastrigin, outside_unit_ball)
     file = io.BytesIO()
     np.savez(file, allow_pickle=False, **optimiser.state())
@@ -125,7 +133,7 @@ def test_trials_asked_and_not_told_are_asked_again_after_a_resume():
     np.testing.assert_array_equal(Isade.from_state(optimiser.state()).ask(), trials)
 
 
-def test_a_state_does_not_change_when_the_run_goes_on():
+def test_a_state_does_not_change_while_the_run_continues():
     optimiser = Isade(BOX, seed=3)
     advance(optimiser, 2)
     state = optimiser.state()
@@ -149,9 +157,12 @@ def test_the_unit_of_a_variable_does_not_matter(variant, seed, power):
     unit = 2.0**power  # exact in floating point
     one = minimize(sphere, BOX, seed=seed, max_evaluations=400, variant=variant)
     other = minimize(
-        lambda x: sphere(x / unit), np.array(BOX) * unit, seed=seed, max_evaluations=400,
+        lambda x: sphere(x / unit),
+        np.array(BOX) * unit,
+        seed=seed,
+        max_evaluations=400,
         variant=variant,
-    )  # fmt: skip
+    )
     assert other.fun == pytest.approx(one.fun, rel=1e-6)
 
 
@@ -203,9 +214,13 @@ def test_the_history_variant_solves_a_turned_ellipsoid(seed):
     axes = np.linalg.qr(np.random.default_rng(0).standard_normal((8, 8)))[0]
     weight = 10.0 ** np.linspace(0.0, 6.0, 8)
     result = minimize(
-        lambda x: ((x - 1.0) @ axes) ** 2 @ weight, [(-5.0, 5.0)] * 8, seed=seed,
-        vectorized=True, variant="history", max_evaluations=20_000,
-    )  # fmt: skip
+        lambda x: ((x - 1.0) @ axes) ** 2 @ weight,
+        [(-5.0, 5.0)] * 8,
+        seed=seed,
+        vectorized=True,
+        variant="history",
+        max_evaluations=20_000,
+    )
     assert result.fun < 1e-4
 
 
@@ -226,9 +241,14 @@ def test_the_corner_of_g06_is_found(variant, seed):
         )
 
     result = minimize(
-        cost, [(13.0, 100.0), (0.0, 100.0)], constraints=constraints, seed=seed,
-        vectorized=True, variant=variant, max_evaluations=15_000,
-    )  # fmt: skip
+        cost,
+        [(13.0, 100.0), (0.0, 100.0)],
+        constraints=constraints,
+        seed=seed,
+        vectorized=True,
+        variant=variant,
+        max_evaluations=15_000,
+    )
     assert result.success
     assert result.maxcv == 0.0
     assert result.fun == pytest.approx(-6961.8138756, rel=1e-4)
@@ -237,28 +257,41 @@ def test_the_corner_of_g06_is_found(variant, seed):
 @pytest.mark.parametrize("seed", range(3))
 def test_an_equality_is_met_with_a_shrinking_epsilon(seed):
     result = minimize(  # g11: the band of width 1e-4 about a parabola
-        lambda x: x[:, 0] ** 2 + (x[:, 1] - 1.0) ** 2, [(-1.0, 1.0)] * 2, vectorized=True,
-        constraints=lambda x: np.abs(x[:, 1] - x[:, 0] ** 2)[:, None] - 1e-4, seed=seed,
-        handling="epsilon", max_evaluations=15_000,
-    )  # fmt: skip
+        lambda x: x[:, 0] ** 2 + (x[:, 1] - 1.0) ** 2,
+        [(-1.0, 1.0)] * 2,
+        vectorized=True,
+        constraints=lambda x: np.abs(x[:, 1] - x[:, 0] ** 2)[:, None] - 1e-4,
+        seed=seed,
+        handling="epsilon",
+        max_evaluations=15_000,
+    )
     assert result.success
     assert result.fun == pytest.approx(0.7499, rel=1e-4)
 
 
 def test_whole_numbers_are_found_among_real_ones():
     result = minimize(
-        lambda x: (x[:, 0] - 2.6) ** 2 + (x[:, 1] - 2.6) ** 2, [(-9.5, 9.5)] * 2, seed=1,
-        integrality=[True, False], vectorized=True, max_evaluations=4_000,
-    )  # fmt: skip
+        lambda x: (x[:, 0] - 2.6) ** 2 + (x[:, 1] - 2.6) ** 2,
+        [(-9.5, 9.5)] * 2,
+        seed=1,
+        integrality=[True, False],
+        vectorized=True,
+        max_evaluations=4_000,
+    )
     np.testing.assert_allclose(result.x, [3.0, 2.6], atol=1e-4)
 
 
 def test_the_penalty_lets_cost_pay_for_violation():
     def run(penalty):
         return minimize(
-            sphere, BOX, constraints=outside_unit_ball, handling="penalty", penalty=penalty,
-            vectorized=True, max_evaluations=4_000,
-        )  # fmt: skip
+            sphere,
+            BOX,
+            constraints=outside_unit_ball,
+            handling="penalty",
+            penalty=penalty,
+            vectorized=True,
+            max_evaluations=4_000,
+        )
 
     assert sphere(run(1e3).population).min() > 0.99
     assert sphere(run(0.1).population).max() < 0.1

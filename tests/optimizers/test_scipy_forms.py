@@ -83,24 +83,27 @@ def test_no_seed_gives_another_run_every_time():
 @pytest.mark.parametrize(
     "made",
     [
-        np.random.default_rng, np.random.RandomState, np.random.SeedSequence, np.random.PCG64,
+        np.random.default_rng,
+        np.random.RandomState,
+        np.random.SeedSequence,
+        np.random.PCG64,
         lambda seed: [seed, 1],
     ],
-)  # fmt: skip
+)
 def test_a_generator_fixes_the_run_by_either_name(made):
     assert same(run(seed=made(5)), run(seed=made(5)))
     assert same(run(seed=made(5)), run(rng=made(5)))
     assert not same(run(seed=made(5)), run(seed=made(6)))
 
 
-def test_a_generator_goes_on_from_run_to_run_and_leaves_the_global_one_alone():
+def test_a_generator_continues_from_run_to_run_and_leaves_the_global_one_alone():
     generator, before = np.random.default_rng(5), np.random.get_state()[1].tolist()  # noqa: NPY002
     assert not same(run(seed=generator), run(seed=generator))
     assert np.random.get_state()[1].tolist() == before  # noqa: NPY002
 
 
 @pytest.mark.parametrize("seed", [-1, 1.5, "x", [-1], np.nan])
-def test_a_seed_that_is_none_is_refused(seed):
+def test_an_unusable_seed_is_refused(seed):
     with pytest.raises(SettingsError, match="seed"):
         run(seed=seed)
 
@@ -111,7 +114,7 @@ def test_two_seeds_are_refused():
 
 
 @pytest.mark.parametrize("seed", [2**63, 2**64, 2**200])
-def test_a_run_with_a_seed_of_any_size_is_kept_and_goes_on(seed):
+def test_a_run_with_a_seed_of_any_size_is_kept_and_resumed(seed):
     optimiser = Isade(BOX, seed=seed)
     optimiser.tell(rows(optimiser.ask()))
     file = io.BytesIO()
@@ -139,10 +142,14 @@ def test_a_budget_that_is_no_whole_number_is_refused_with_it(budget):
 @pytest.mark.parametrize(
     "form",
     [
-        np.asarray, np.atleast_1d, np.atleast_2d, np.float64, lambda cost: [cost],
+        np.asarray,
+        np.atleast_1d,
+        np.atleast_2d,
+        np.float64,
+        lambda cost: [cost],
         lambda cost: np.array([cost], dtype=object),
     ],
-)  # fmt: skip
+)
 def test_a_cost_of_one_number_in_any_shape_gives_the_same_run(plain, form):
     assert same(run(fun=lambda x: form(sphere(x))), plain)
 
@@ -158,7 +165,7 @@ def test_a_cost_of_any_real_type_is_its_number(cost):
 
 
 @pytest.mark.parametrize("cost", [None, "1", 1j, [1.0, 2.0]])
-def test_what_is_no_cost_is_refused(cost):
+def test_a_value_that_is_not_a_cost_is_refused(cost):
     with pytest.raises(SettingsError, match="costs must be"):
         run(fun=lambda x: cost)
 
@@ -272,7 +279,7 @@ def test_an_equality_is_met_within_the_tolerance_that_is_given():
         (lambda x: [1.0] * (1 + (x[0] > 0)), "violations must be as many at every x"),
     ],
 )
-def test_a_constraint_that_is_none_is_refused_by_its_number(constraint, words):
+def test_an_unusable_constraint_is_refused_by_its_number(constraint, words):
     with pytest.raises(SettingsError, match=words):
         run(constraints=constraint)
 

@@ -36,9 +36,11 @@ def test_a_constraint_is_measured_by_its_largest_finite_violation():
 
 def test_excess_decides_before_cost_and_a_tie_beats_nobody():
     better = beats(
-        np.array([0.0, 1.0, 0.0, 0.0, np.inf]), np.array([9.0, 1.0, 1.0, 2.0, 1.0]),
-        np.array([1.0, 0.0, 0.0, 0.0, np.inf]), np.array([1.0, 9.0, 2.0, 2.0, 2.0]),
-    )  # fmt: skip
+        np.array([0.0, 1.0, 0.0, 0.0, np.inf]),
+        np.array([9.0, 1.0, 1.0, 2.0, 1.0]),
+        np.array([1.0, 0.0, 0.0, 0.0, np.inf]),
+        np.array([1.0, 9.0, 2.0, 2.0, 2.0]),
+    )
     assert better.tolist() == [True, False, True, False, True]
 
 

@@ -127,8 +127,15 @@ def test_the_winner_is_what_holds_when_it_is_walked_again(run):
 def test_a_shuffle_is_called_one_beside_the_best_walk_that_does_not_slide(run, measures):
     slid = dataclasses.asdict(dataclasses.replace(measures, slip=(0.003, 0.0134)))
     numbers = {"forward_mm": 133.3, "median_mm": 120.5, "worst_mm": 80.0}
-    finalist = {"walk": 0, **numbers, "survived": 8, "feasible": 7, "of": 8, "reference": None,
-                "measures": slid}  # fmt: skip
+    finalist = {
+        "walk": 0,
+        **numbers,
+        "survived": 8,
+        "feasible": 7,
+        "of": 8,
+        "reference": None,
+        "measures": slid,
+    }
     of_it = {**run.result, "measures": slid, "finalists": [finalist], "best_unslipping": None}
     page = " ".join(written(dataclasses.replace(run, result=of_it)).split())
     assert "3/13 <small>mm</small>" in page
@@ -198,7 +205,7 @@ def test_a_comparison_has_a_column_for_each_study(run):
 
 
 def test_a_page_that_cannot_be_written_is_named(run):
-    with pytest.raises(GaitError, match=r"cannot write the report .*nowhere"):
+    with pytest.raises(GaitError, match=r"report .*nowhere"):
         write_study_page(run, run.folder / "nowhere" / "report.html")
 
 

@@ -10,16 +10,35 @@ from drake_gait.study.search_settings import Mode
 from drake_gait.walk import Outcome, Walk
 
 FINALIST = {
-    "walk": 7, "forward_mm": 300.0, "median_mm": 290.0, "worst_mm": -0.04, "survived": 8,
-    "feasible": 7, "of": 8, "measures": {}, "robust": True,
-    "reference": {"outcome": "walked", "forward_mm": 288.0, "lateral_mm": 3.0, "yaw_deg": -2.0,
-                  "feasible": True},
-}  # fmt: skip
+    "walk": 7,
+    "forward_mm": 300.0,
+    "median_mm": 290.0,
+    "worst_mm": -0.04,
+    "survived": 8,
+    "feasible": 7,
+    "of": 8,
+    "measures": {},
+    "robust": True,
+    "reference": {
+        "outcome": "walked",
+        "forward_mm": 288.0,
+        "lateral_mm": 3.0,
+        "yaw_deg": -2.0,
+        "feasible": True,
+    },
+}
 
 
 def fell(entry, walk_id, frame):
-    walk = Walk(outcome=Outcome.FELL, frames=frame, forward=0.0, lateral=0.0, yaw=0.0,
-                com_height=0.1, reason="fell")  # fmt: skip
+    walk = Walk(
+        outcome=Outcome.FELL,
+        frames=frame,
+        forward=0.0,
+        lateral=0.0,
+        yaw=0.0,
+        com_height=0.1,
+        reason="fell",
+    )
     return dataclasses.replace(entry, id=walk_id, walk=walk)
 
 
@@ -36,8 +55,10 @@ def test_failures_are_counted_by_the_cycle_they_happened_in(entry):
     walks = [entry, fell(entry, 1, 10), fell(entry, 2, 59), fell(entry, 3, 60), lost]
     table = report_tables.failures(walks)
     assert [list(row) for row in table.rows] == [
-        ["fell between 0.0 and 1.2 s", "2"], ["fell between 1.2 and 2.4 s", "1"], ["solver", "1"]
-    ]  # fmt: skip
+        ["fell between 0.0 and 1.2 s", "2"],
+        ["fell between 1.2 and 2.4 s", "1"],
+        ["solver", "1"],
+    ]
 
 
 def test_a_search_without_failures_says_so(entry):
@@ -65,12 +86,23 @@ def test_walks_are_said_to_be_proposed_by_what_proposed_them(entry, study, mode)
     assert ("CMA-ES" in names) == (mode is Mode.CMAES)
 
 
-def test_the_paper_s_best_stands_beside_ours(entry):
-    rows = report_tables.beside_the_paper([entry], Constraints()).rows
-    assert list(rows[0]) == ["1", "0", "−3.33", "133.33", "1.86", "240",
-                             "F8", "0.04", "177.96", "1.20", "240"]  # fmt: skip
-    assert list(rows[1][1:6]) == ["–"] * 5
-    assert len(rows) == 8
+def test_the_furthest_feasible_walks_stand_beside_the_paper_s_eight(entry):
+    walks = [
+        dataclasses.replace(
+            entry, id=place, walk=dataclasses.replace(entry.walk, forward=0.1 + place / 100)
+        )
+        for place in range(12)
+    ]
+    walks.append(fell(entry, 12, 100))
+    rows = report_tables.beside_the_paper(walks, Constraints()).rows
+    assert [row[1] for row in rows] == ["11", "10", "9", "8", "7", "6", "5", "4"]
+    assert list(rows[0]) == [
+        *("1", "11", "−3.33", "210.00", "1.86", "240"),
+        *("F8", "0.04", "177.96", "1.20", "240"),
+    ]
+    alone = report_tables.beside_the_paper(walks[-1:], Constraints()).rows
+    assert [row[6] for row in alone] == ["F8", "F7", "F6", "F5", "F4", "F3", "F2", "F1"]
+    assert {cell for row in alone for cell in row[1:6]} == {"–"}
 
 
 def test_finalists_are_listed_and_the_winner_is_marked():
@@ -80,9 +112,10 @@ def test_finalists_are_listed_and_the_winner_is_marked():
     table = report_tables.finalists(result)
     assert [row[0] for row in table.rows] == ["3", "7"]
     assert table.marked == 1
-    assert list(table.rows[1]) == ["7", "300.0", "290.0", "0.0", "8 of 8", "7 of 8", "T1",
-                                   "–", "–", "–", "–", "walked", "288.0", "3.0", "−2.0",
-                                   "yes"]  # fmt: skip
+    assert list(table.rows[1]) == [
+        *("7", "300.0", "290.0", "0.0", "8 of 8", "7 of 8", "T1", "–", "–", "–", "–"),
+        *("walked", "288.0", "3.0", "−2.0", "yes"),
+    ]
     dropped = report_tables.finalists(result, dropped=True)
     assert [row[0] for row in dropped.rows] == ["4"]
     assert dropped.marked is None
@@ -116,8 +149,9 @@ def test_beside_the_finalists_stands_how_far_they_slide_and_swing(measures):
 
 
 def test_the_foot_is_told_in_the_paper_s_units():
-    rows = {row[0]: list(row[1:]) for row in
-            report_tables.foot(dataclasses.asdict(FootDesign())).rows}  # fmt: skip
+    rows = {
+        row[0]: list(row[1:]) for row in report_tables.foot(dataclasses.asdict(FootDesign())).rows
+    }
     assert rows["big toe stiffness"] == ["0.52", "N·mm/deg"]
     assert rows["big toe width"] == ["22", "mm"]
     assert rows["rigid toes"] == ["no", ""]

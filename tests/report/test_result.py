@@ -6,14 +6,12 @@ import json
 import numpy as np
 import pytest
 
-from drake_gait.problem import Constraints
 from drake_gait.report.result import (
     PAPER_TABLE,
     baselines_line,
     in_words,
     r_squared_line,
     summary,
-    table,
 )
 from drake_gait.surrogates import ensemble as surrogate
 from drake_gait.surrogates.baselines import Comparison
@@ -143,33 +141,6 @@ def test_the_summary_of_a_study_of_lost_walks_says_so(study, entry):
     lost = [dataclasses.replace(entry, walk=Walk.diverged("made up"))]
     outcome = summary(study, lost, None, wall_s=0.0)
     assert (outcome["feasible"], outcome["outcome"], outcome["survivors"]) == (False, "diverged", 0)
-
-
-def test_the_table_has_the_feasible_walks_beside_the_paper_s_eight(walks):
-    lines = table(walks, Constraints()).splitlines()
-    assert "the paper (Table II)" in lines[0]
-    assert len({line.index("F") for line in lines[2:]}) == 1
-    rows = [line.split() for line in lines[2:]]
-    assert len(rows) == 8
-    # Furthest first on both sides.
-    assert rows[0] == [
-        *("1", "0.725", "154.56", "3.837", "240"),
-        *("F8", "0.044", "177.96", "1.203", "240"),
-    ]
-    assert rows[1][:5] == ["0", "-2.000", "100.00", "1.500", "240"]
-    assert rows[2] == ["F6", "5.380", "166.34", "1.139", "240"]
-    assert rows[7] == ["F1", "0.725", "154.56", "3.837", "240"]
-
-
-def test_the_table_of_no_feasible_walk_has_the_paper_s_alone(walks):
-    rows = [line.split() for line in table(walks[2:], Constraints()).splitlines()[2:]]
-    assert [row[0] for row in rows] == ["F8", "F7", "F6", "F5", "F4", "F3", "F2", "F1"]
-
-
-def test_the_table_has_at_most_eight_walks(entry):
-    walks = [of(entry, number, forward=0.1 + number / 100) for number in range(12)]
-    rows = [line.split() for line in table(walks, Constraints()).splitlines()[2:]]
-    assert [row[0] for row in rows] == ["11", "10", "9", "8", "7", "6", "5", "4"]
 
 
 def test_a_walk_in_words_has_the_paper_s_four_numbers(walks):

@@ -453,7 +453,7 @@ def test_a_mesh_on_the_path_of_packages_is_found(robot, meshes, monkeypatch, tmp
     assert len(read_model(path).files) == 2
 
 
-def test_what_is_cached_belongs_to_a_content_and_not_to_a_path(robot):
+def test_the_cache_belongs_to_a_content_and_not_to_a_path(robot):
     settings = WalkSettings(model=robot(TEXT))
     usual = simulate(WALKING, settings).forward
     assert robot(inside("joint", "knee_r", "1.373", "0.5")) == settings.model

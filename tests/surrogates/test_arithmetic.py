@@ -134,10 +134,13 @@ def test_an_error_inside_gives_the_threads_back():
 @pytest.mark.parametrize(
     "surroundings",
     [
-        torch.no_grad, torch.inference_mode, lambda: torch.device("meta"),
-        lambda: torch.autocast("cpu", torch.bfloat16), lambda: torch.set_grad_enabled(False),
+        torch.no_grad,
+        torch.inference_mode,
+        lambda: torch.device("meta"),
+        lambda: torch.autocast("cpu", torch.bfloat16),
+        lambda: torch.set_grad_enabled(False),
     ],
-)  # fmt: skip
+)
 def test_the_caller_s_modes_change_no_number_and_stay(expected, surroundings):
     with surroundings():
         before = torch.is_grad_enabled(), torch.is_inference_mode_enabled()
@@ -220,7 +223,7 @@ def test_numbers_that_may_not_be_written_are_learnt_without_a_warning(expected):
     assert everything(*arrays) == expected
 
 
-def test_what_is_learnt_from_may_change_afterwards():
+def test_training_data_may_change_after_the_fit():
     x, y, survived = X.copy(), Y.copy(), SURVIVED.copy()
     network = fit(x, y, survived, settings=QUICK_NETWORK)
     x[:], y[:], survived[:] = 0.0, 0.0, False
@@ -253,14 +256,14 @@ def test_a_walk_that_left_no_number_is_not_learnt_but_has_survived(endless):
         ({"survived": np.ones((60, 1))}, "survived must be .* True or False"),
         ({"x": np.where(X[7, 2] == X, np.nan, X)}, "x must be finite, got nan in row 7, column 2"),
         ({"x": X.astype(str)}, "x must be real numbers"),
-        ({"outputs": Y + 0j}, "outputs must be real numbers"),
+        ({"outputs": Y + 0j}, "outputs"),
         (
             {"outputs": np.where(np.arange(60)[:, None] < FEWEST_SURVIVORS - 1, Y, np.inf)},
             "without finite outputs",
         ),
     ],
 )
-def test_what_cannot_be_learnt_is_refused_with_what_is_wrong(wrong, words):
+def test_unusable_training_data_are_refused_by_their_fault(wrong, words):
     with pytest.raises(SettingsError, match=words):
         fit(**{"x": X, "outputs": Y, "survived": SURVIVED} | wrong)
 
@@ -273,5 +276,5 @@ def test_points_of_another_shape_are_refused(learnt, new):
 
 
 def test_targets_that_are_no_numbers_are_refused_by_row():
-    with pytest.raises(SettingsError, match="targets must be finite, got inf in row 3, column 1"):
+    with pytest.raises(SettingsError, match=r"targets.*inf in row 3, column 1"):
         fit_single(X, np.where(Y[3, 1] == Y, np.inf, Y))

@@ -89,7 +89,7 @@ def test_only_the_latest_two_hundred_walks_count():
     assert kriged.deviation == pytest.approx(deviation)
 
 
-def test_where_no_robot_fell_none_is_expected_to():
+def test_without_a_fall_none_is_expected():
     x = points(60, dimension=16)
     network = fit(x, x[:, :1], np.ones(60, dtype=bool))
     assert (KrigedNetwork(network, *none_since(16)).predict(x).survival == 1.0).all()

@@ -16,7 +16,7 @@ def test_of_a_plane_each_variable_has_the_share_of_its_squared_slope(space):
     assert found.names == space.names
 
 
-def test_what_acts_only_together_has_a_total_and_nothing_alone(space):
+def test_a_pure_interaction_has_a_total_index_and_nothing_alone(space):
     found = sensitivity(lambda x: x[:, 0] * x[:, 1], space)
     assert found.total[:2] == pytest.approx([1.0, 1.0], abs=0.1)
     np.testing.assert_allclose(found.alone[:2], 0.0, atol=0.1)

@@ -131,7 +131,7 @@ def test_one_prediction_is_that_of_many_made_together(x, network):
     assert alone.survival[0] == pytest.approx(together.survival[7], rel=1e-12)
 
 
-def test_what_a_fallen_robot_left_behind_is_not_learnt(half_known):
+def test_the_numbers_of_a_fall_are_not_learnt(half_known):
     safe = points(400, seed=4)
     safe = safe[safe[:, 0] + safe[:, 1] < -0.2]
     mean = half_known.predict(safe).mean
@@ -151,7 +151,7 @@ def test_survival_separates_a_half_space_that_is_known(half_known):
     assert (survival <= 1.0).all()
 
 
-def test_where_no_robot_fell_none_is_expected_to(x, network):
+def test_without_a_fall_none_is_expected(x, network):
     assert (network.predict(x).survival == 1.0).all()
 
 

@@ -106,7 +106,7 @@ def test_the_baselines_have_the_folds_of_the_network(x, linear, monkeypatch):
         assert (folds == folds_of(count, 3)).all()
 
 
-def test_where_none_fell_survival_is_not_compared(x, linear):
+def test_without_a_fall_survival_is_not_compared(x, linear):
     everyone = np.ones(len(x), dtype=bool)
     network = surrogate.fit(x, linear, everyone, settings=QUICK_NETWORK)
     found = compare(network, x, linear, everyone)

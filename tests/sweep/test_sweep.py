@@ -76,8 +76,9 @@ def test_a_variant_changes_what_it_says_and_nothing_else(write):
         (wide, {"study.name", "search.samples", "design.big_toe_width"}),
     ):
         after = study.settings.description()
-        differing = {key for key in before.keys() | after.keys()
-                     if before.get(key) != after.get(key)}  # fmt: skip
+        differing = {
+            key for key in before.keys() | after.keys() if before.get(key) != after.get(key)
+        }
         assert differing == changed
     assert before["search.simulations"] == 24
     assert wide.settings.name == "toes-wide"
@@ -88,22 +89,22 @@ def test_a_variant_changes_what_it_says_and_nothing_else(write):
     [
         ('name = "toes"', "", "needs a name"),
         ('base = "{base}"', "", "needs a base"),
-        ("[sweep]", "[swep]", r"no section is called 'swep'; there are sweep, common"),
-        ("seeds =", "seed =", "no key of .sweep. is called 'seed'"),
-        ("[0, 7]", "[0, 0]", r"different whole numbers >= 0, got \[0, 0\]"),
-        ("[0, 7]", "[]", r"different whole numbers >= 0, got \[\]"),
-        ("[0, 7]", "[true]", r"whole numbers >= 0, got \[True\]"),
+        ("[sweep]", "[swep]", r"'swep'.*sweep, common"),
+        ("seeds =", "seed =", ".sweep..*'seed'"),
+        ("[0, 7]", "[0, 0]", r"sweep.seeds.*got \[0, 0\]"),
+        ("[0, 7]", "[]", r"sweep.seeds.*got \[\]"),
+        ("[0, 7]", "[true]", r"sweep.seeds.*got \[True\]"),
         ("[variants.rigid]", '[variants."../rigid"]', "must do as a folder's name"),
         ("[variants.rigid]", '[variants."a\\u0007b"]', "text that can be printed.*U\\+0007"),
         ("[variants.rigid]", '[variants.""]', "must do as a folder's name"),
         ("[variants.rigid]", f"[variants.{'x' * 300}]", "255 bytes at most.*'xxx.* has 300"),
         ("[variants.rigid]", f"[variants.'{'ä' * 151}']", "255 bytes at most.* has 302"),
-        ("[variants.rigid]", "[variants.TOES]", "folder of variant 'TOES' could be that of toes"),
-        ("[variants.rigid]", '[variants."sweep.json"]', "could be that of the sweep's sweep.json"),
+        ("[variants.rigid]", "[variants.TOES]", "'TOES'.*toes"),
+        ("[variants.rigid]", '[variants."sweep.json"]', "the sweep's sweep.json"),
         ("[variants.rigid]", "[variants.toes]", "is not TOML"),
-        ("foot.rigid_toes", "foot.stiff_toes", r"no key of \[foot\] is called 'stiff_toes'"),
-        ("[30, 50]", "[30, 60]", r"big_toe_width_mm must rise and lie in 8 to 50 mm"),
-        ("search.samples = 22", "search = 22", r"\[variants.wide.search\] must be a section"),
+        ("foot.rigid_toes", "foot.stiff_toes", r"\[foot\].*'stiff_toes'"),
+        ("[30, 50]", "[30, 60]", r"big_toe_width_mm.*8 to 50 mm"),
+        ("search.samples = 22", "search = 22", r"\[variants.wide.search\]"),
         ("[variants.", "[common.", "either"),
         ('base = "{base}"', 'base = "none.toml"', "cannot read study"),
         ("[0, 7]", "[0, 7", "is not TOML"),
@@ -121,8 +122,11 @@ def test_a_sweep_that_cannot_be_used_is_refused_in_one_line(write, old, new, com
 
 
 def test_the_committed_sweeps_can_be_read(repository):
-    found = {path.stem: read_sweep(path) for path in (repository / "studies").glob("*.toml")
-             if "[sweep]" in path.read_text()}  # fmt: skip
+    found = {
+        path.stem: read_sweep(path)
+        for path in (repository / "studies").glob("*.toml")
+        if "[sweep]" in path.read_text()
+    }
     assert set(found) >= {
         "toe_codesign",
         "big_toe_ratio",
@@ -178,20 +182,20 @@ def test_a_grid_s_gaits_may_be_those_of_results(write, tmp_path):
     assert len(grid.gaits) == 2
     assert grid.gaits[1].degrees == pytest.approx(np.array(degrees, dtype=float))
     (tmp_path / "result.json").write_text("{}")
-    with pytest.raises(SettingsError, match=r"result\.json is no result\.json of a study"):
+    with pytest.raises(SettingsError, match=r"result\.json"):
         read_sweep(path)
 
 
 @pytest.mark.parametrize(
     ("old", "new", "complaint"),
     [
-        ("replicas = 2", "replicas = 0", r"grid.replicas must be a whole number >= 1, got 0"),
-        ("0.05\nc", "-1\nc", r"grid.noise_deg must lie in 0 to 1"),
+        ("replicas = 2", "replicas = 0", r"grid.replicas.*>= 1, got 0"),
+        ("0.05\nc", "-1\nc", r"grid.noise_deg.*0 to 1"),
         ("coefficients_deg = [", "results = []#", "needs gaits"),
         ("[[0, 1, 2, 3], ", "[", r"shape \(4, 4\)"),
         ("[0.05, 0.1, 0.2]", "[0.05, 0.1]", "equally many values"),
         ("toe_damping_n_m_s_per_rad = ", "big_toe_stiffness_n_mm_per_deg = ", "both axes"),
-        ("toe_damping_n_m_s_per_rad", "toe_dumping", "no key of .foot. is called 'toe_dumping'"),
+        ("toe_damping_n_m_s_per_rad", "toe_dumping", ".foot..*'toe_dumping'"),
         (
             "[1e-4, 1e-3]",
             "[1e-4, 1]",
@@ -268,8 +272,10 @@ def put(sweep, out, results):
 @pytest.fixture
 def rows(write, tmp_path):
     sweep = read_sweep(write(SWEEP))
-    results = {(study.variant, study.seed): result(300.0 + 10.0 * number)
-               for number, study in enumerate(sweep.studies)}  # fmt: skip
+    results = {
+        (study.variant, study.seed): result(300.0 + 10.0 * number)
+        for number, study in enumerate(sweep.studies)
+    }
     results["wide", 7] = result(900.0, feasible=False)
     results["wide", 0] = result(900.0, feasible=False)
     return put(sweep, tmp_path, results)
@@ -298,10 +304,15 @@ def test_a_variant_s_numbers_are_of_its_feasible_walks_only(rows):
     assert rigid.p_values["furthest_mm"] == rigid.p_values["robust_mm"] == pytest.approx(2 / 3)
 
 
-@pytest.mark.parametrize("distances", [{"toes": [300.0], "rigid": [310.0]},
-                                       {"toes": [300.0, 300.0], "rigid": [300.0, 300.0]},
-                                       {"toes": [300.0, 310.0], "rigid": [305.0]}])  # fmt: skip
-def test_where_a_test_can_tell_nothing_there_is_no_probability(distances):
+@pytest.mark.parametrize(
+    "distances",
+    [
+        {"toes": [300.0], "rigid": [310.0]},
+        {"toes": [300.0, 300.0], "rigid": [300.0, 300.0]},
+        {"toes": [300.0, 310.0], "rigid": [305.0]},
+    ],
+)
+def test_one_seed_or_equal_distances_give_no_probability(distances):
     rows = [
         {"variant": name, "feasible_count": 1, "winner": 1, "furthest_mm": one, "robust_mm": one}
         for name, found in distances.items()
@@ -309,16 +320,15 @@ def test_where_a_test_can_tell_nothing_there_is_no_probability(distances):
     ]
     toes, rigid = found = summaries(rows, ("toes", "rigid"))
     assert toes.p_values == rigid.p_values == {}
-    assert re.search(r"rigid .* - +-$", table(found))
+    assert table(found).rows[1][-2:] == ["-", "-"]
 
 
 def test_the_table_has_a_line_for_each_variant(rows):
-    lines = table(summaries(rows, ("toes", "rigid", "wide"))).split("\n")
-    assert len(lines) == 4
-    assert re.search(
-        r"rigid +2/2 +2/2 +325\.0 \(310\.0 to 340\.0\) +265\.0 .* 0\.667 +0\.667$", lines[2]
-    )
-    assert re.search(r"wide +0/2 +0/2( +-){8}$", lines[3])
+    _, rigid, wide = table(summaries(rows, ("toes", "rigid", "wide"))).rows
+    assert rigid[:4] == ["rigid", "2/2", "2/2", "325.0 (310.0 to 340.0)"]
+    assert rigid[4].startswith("265.0 ")
+    assert rigid[-2:] == ["0.667", "0.667"]
+    assert wide == ["wide", "0/2", "0/2", *["-"] * 8]
 
 
 def test_both_files_hold_every_study(write, rows, tmp_path):
@@ -359,9 +369,7 @@ def pretended(monkeypatch):
     return started
 
 
-def test_the_command_runs_every_study_once_and_goes_on_where_it_was(
-    write, tmp_path, capsys, pretended
-):
+def test_the_command_runs_every_study_once_and_resumes(write, tmp_path, capsys, pretended):
     arguments = [str(write(SWEEP)), "--workers", "2", "--out", str(tmp_path / "out")]
     assert main(arguments) == 0
     assert sorted(pretended) == sorted(
@@ -384,8 +392,11 @@ def test_ctrl_c_stops_the_studies_that_run(write, tmp_path, capsys, monkeypatch)
     running = []
 
     def start(sweep, study, out, lifeline):
-        running.append(subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"],
-                                        stderr=subprocess.DEVNULL))  # fmt: skip
+        running.append(
+            subprocess.Popen(
+                [sys.executable, "-c", "import time; time.sleep(60)"], stderr=subprocess.DEVNULL
+            )
+        )
         return running[-1]
 
     def interrupt(seconds):
@@ -435,7 +446,7 @@ def test_a_study_without_its_report_is_run_again(write, tmp_path, finished):
     assert not command._has_result(sweep.studies[0], tmp_path)
 
 
-def test_more_seeds_go_on_with_a_sweep(write, tmp_path, pretended):
+def test_more_seeds_extend_a_sweep(write, tmp_path, pretended):
     arguments = ["--workers", "2", "--out", str(tmp_path / "out")]
     assert main([str(write(SWEEP)), *arguments]) == 0
     del pretended[:]
@@ -513,9 +524,7 @@ def studies_that_run(out):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGHUP])
-def test_a_sweep_that_is_ended_leaves_no_study_and_the_same_command_goes_on(
-    write, tmp_path, number
-):
+def test_a_sweep_that_is_ended_leaves_no_process_and_is_resumed(write, tmp_path, number):
     out = tmp_path / "out"
     arguments = [sys.executable, "-m", "drake_gait", "sweep", str(write(SMALL)), "--out", str(out)]
     walks = out / "toes" / "seed-0" / "study.db"

@@ -1,5 +1,6 @@
 import itertools
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +10,7 @@ from conftest import texts
 from matplotlib import rc_context, rcParams
 
 from drake_gait.errors import GaitError, SettingsError
+from drake_gait.visualization import palette
 from drake_gait.visualization import style as figures
 from drake_gait.visualization import sweep as sweep_figures
 
@@ -36,9 +38,19 @@ def test_the_same_data_give_the_same_file(tmp_path: Path) -> None:
     assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
 
 
+HOME = Path(figures.__file__).parents[1]
+VISIBLE = [
+    path
+    for folder in ("visualization", "report")
+    for path in sorted((HOME / folder).rglob("*"))
+    if path.suffix in (".py", ".html", ".css", ".toml") and path.name != "palette.py"
+]
+"""Sources of figures, recordings and pages."""
+
+
 def test_a_figure_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     drawn = figures.new_figure(1.0, 1.0)
-    with pytest.raises(GaitError, match=r"cannot write the figure .*nowhere"):
+    with pytest.raises(GaitError, match=r"figure .*nowhere"):
         figures.save_figure(drawn, tmp_path / "nowhere" / "paths.png")
     with pytest.raises(SettingsError, match="docx"):
         figures.save_figure(drawn, tmp_path / "paths.docx")
@@ -48,9 +60,19 @@ def test_right_left_and_centre_of_mass_differ_in_lightness_or_hue_for_everyone()
     # Okabe and Ito (2008) chose their colours to remain apart for all common kinds of colour
     # blindness; any other colour would have to be shown to.
     okabe_ito = {"#e69f00", "#56b4e9", "#009e73", "#f0e442", "#0072b2", "#d55e00", "#cc79a7"}
-    used = [figures.RIGHT, figures.LEFT, figures.COM]
+    used = [palette.RIGHT, palette.LEFT, palette.COM]
     assert set(used) <= okabe_ito
     assert all(a != b for a, b in itertools.combinations(used, 2))
+
+
+@pytest.mark.parametrize("path", VISIBLE, ids=lambda path: path.name)
+def test_every_colour_stands_in_the_palette_alone(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    assert re.findall(r"#[0-9a-fA-F]{3}(?:[0-9a-fA-F]{3})?\b|\brgba?\(\s*\d", text) == []
+
+
+def test_a_colour_has_the_parts_that_its_digits_name() -> None:
+    assert palette.rgb("#0072b2") == (0.0, 0x72 / 255.0, 0xB2 / 255.0)
 
 
 ODD = """
@@ -119,7 +141,7 @@ def test_any_name_can_stand_in_a_figure(tmp_path: Path, name: str) -> None:
     assert name in texts(tmp_path / "grid.svg")
 
 
-def test_what_a_user_has_set_is_set_again_afterwards() -> None:
+def test_the_user_s_settings_are_back_after_a_figure() -> None:
     with rc_context({"font.size": 33.0, "text.usetex": True}):
         with figures.style():
             assert rcParams["font.size"] == 8.0

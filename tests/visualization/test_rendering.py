@@ -41,11 +41,12 @@ def test_a_box_is_as_large_in_its_picture_as_in_the_world():
 
 
 @pytest.mark.parametrize("order", [1, -1], ids=["near last", "near first"])
-def test_what_is_nearer_hides_what_is_behind_it(order):
+def test_a_nearer_solid_hides_the_one_behind_it(order):
     near, far = box((0.0, -0.02, 0.0), (0.05, -0.01, 0.05)), box((0, 0, 0), (0.1, 0.01, 0.05))
     drawn = [(far, BLUE), (near, RED)][::order]
-    red, blue = dominant(render([solid for solid, _ in drawn], [hue for _, hue in drawn],
-                                FROM_THE_RIGHT))  # fmt: skip
+    red, blue = dominant(
+        render([solid for solid, _ in drawn], [hue for _, hue in drawn], FROM_THE_RIGHT)
+    )
     # Half of the blue box is seen, right of the red one.
     assert red.sum() == pytest.approx(blue.sum(), rel=0.05)
     assert np.argwhere(blue)[:, 1].min() > np.argwhere(red)[:, 1].mean()
@@ -54,15 +55,16 @@ def test_what_is_nearer_hides_what_is_behind_it(order):
 def test_solids_that_pierce_each_other_are_cut_where_they_meet():
     # Each box is the nearer one over half of the width: sorting whole boxes could not draw it.
     angle = np.radians(30.0)
-    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0],
-                     [0, 0, 1]])  # fmt: skip
+    turn = np.array(
+        [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
+    )
     plate = box((-0.05, -0.001, 0.0), (0.05, 0.001, 0.05))
     red, blue = dominant(render([plate @ turn.T, plate @ turn], [RED, BLUE], FROM_THE_RIGHT))
     assert red.sum() == pytest.approx(blue.sum(), rel=0.05)
     assert red.sum() > 2000
 
 
-def test_what_is_empty_is_transparent():
+def test_empty_space_is_transparent():
     picture = render([box((0, 0, 0), (0.01, 0.01, 0.01))], [RED], FROM_AHEAD)
     assert picture.pixels[0, 0, 3] == 0.0
     assert picture.pixels[..., 3].max() == 1.0

@@ -60,9 +60,14 @@ def test_each_output_gets_two_panels_with_its_unit_and_their_scores(tmp_path: Pa
 def test_predictions_of_another_shape_are_refused(tmp_path: Path) -> None:
     with pytest.raises(SettingsError, match="held out"):
         study_figures.predicted_against_simulated(
-            np.zeros((4, 3)), np.zeros((4, 3)), np.zeros((2, 3)), [0] * 3, [0] * 3, OUTPUTS,
+            np.zeros((4, 3)),
+            np.zeros((4, 3)),
+            np.zeros((2, 3)),
+            [0] * 3,
+            [0] * 3,
+            OUTPUTS,
             tmp_path / "predicted.png",
-        )  # fmt: skip
+        )
 
 
 def test_sensitivity_names_every_variable_the_strongest_on_top(tmp_path: Path) -> None:
@@ -76,8 +81,10 @@ def test_sensitivity_names_every_variable_the_strongest_on_top(tmp_path: Path) -
     study_figures.sensitivity(found, path)
     shown = texts(path)
     assert [text for text in shown if text in ("hip a", "knee b", "big toe width")] == [
-        "big toe width", "hip a", "knee b"
-    ]  # fmt: skip
+        "big toe width",
+        "hip a",
+        "knee b",
+    ]
     assert {"more of it: further", "more of it: less far"} <= set(shown)
 
 

@@ -108,8 +108,11 @@ def test_postures_show_the_whole_robot_however_long_its_step(
     def least(pictures: list[Picture]) -> float:
         path = tmp_path / "postures.svg"
         walk_figures.postures(history, pictures, path)
-        return min(float(text.replace("\N{MINUS SIGN}", "-")) for text in texts(path)
-                   if re.fullmatch("\N{MINUS SIGN}?[0-9]+", text))  # fmt: skip
+        return min(
+            float(text.replace("\N{MINUS SIGN}", "-"))
+            for text in texts(path)
+            if re.fullmatch("\N{MINUS SIGN}?[0-9]+", text)
+        )
 
     long = dataclasses.replace(seen[0], left=-0.3)
     assert least(seen) == -100
@@ -136,7 +139,7 @@ def test_the_sway_of_a_walk_along_a_slanted_sinusoid_is_that_sinusoid() -> None:
     assert amplitude == pytest.approx(0.02)
 
 
-def test_the_largest_torque_is_told_as_a_share_of_the_joint_s_own_limit(
+def test_the_largest_torque_is_a_share_of_the_joint_s_own_limit(
     history: History, tmp_path: Path
 ) -> None:
     limits = np.array([2.0, 1.0, 1.0, 1.0, 1.0] * 2)
