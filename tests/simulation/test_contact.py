@@ -1,7 +1,7 @@
 """Laws of the soles: what edges and plates carry, how they slide, and that all soles agree."""
 
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ from pydrake.multibody.tree import (
     PrismaticJoint,
     RevoluteJoint,
     RevoluteSpring,
+    RigidBody,
     SpatialInertia,
     UnitInertia,
 )
@@ -144,6 +145,48 @@ BACK = ((-LENGTH / 2.0, 0.0), (0.0, -8.0))
 SIDE = ((0.0, WIDTH / 2.0), (-8.0, 0.0))
 
 
+def corner_statics(tilt: tuple[float, float]) -> tuple[tuple[float, float], float]:
+    """The middle of the pressure under a corner [m], and its mean distance from there [m].
+
+    The ground is a layer of springs, and the plate sinks until they bear it.
+
+    Args:
+        tilt: Roll and pitch of the plate [deg]; both decide which corner is the lowest.
+    """
+    contact, cells = Contact(), 800
+    x, y = np.meshgrid(
+        ((np.arange(cells) + 0.5) / cells - 0.5) * LENGTH,
+        ((np.arange(cells) + 0.5) / cells - 0.5) * WIDTH,
+    )
+    on_rim = (np.abs(x) > LENGTH / 2.0 - RIM) | (np.abs(y) > WIDTH / 2.0 - RIM)
+    (a, b, _), (c, d, _), (e, f, upright) = (
+        RollPitchYaw(*np.radians(tilt), 0.0).ToRotationMatrix().matrix()
+    )
+    height = e * x + f * y
+    area = LENGTH * WIDTH * upright / cells**2
+
+    def forces(sunk: float) -> FloatArray:
+        depth: FloatArray = np.maximum(height.min() + sunk - height, 0.0) * on_rim
+        return contact.modulus / contact.slab * depth * area
+
+    low, high = 0.0, 0.01
+    for _ in range(40):
+        sunk = (low + high) / 2.0
+        low, high = (low, sunk) if forces(sunk).sum() > MASS * GRAVITY else (sunk, high)
+    share = forces(high) / forces(high).sum()
+    middle = float((share * x).sum()), float((share * y).sum())
+    dx, dy = x - middle[0], y - middle[1]
+    return middle, float((share * np.hypot(a * dx + b * dy, c * dx + d * dy)).sum())
+
+
+CORNERS = {
+    f"{along} {across}": (across_sign * 5.0, along_sign * 5.0)
+    for along, along_sign in (("front", 1.0), ("back", -1.0))
+    for across, across_sign in (("left", -1.0), ("right", 1.0))
+}
+"""Roll and pitch that put the plate on each of its corners [deg]."""
+
+
 @pytest.mark.parametrize(
     ("sole", "stance", "arm"),
     [
@@ -163,6 +206,23 @@ def test_a_plate_resists_turning_as_statics_says(
     assert torque == pytest.approx(FRICTION * MASS * GRAVITY * arm, rel=0.1)
 
 
+@pytest.mark.parametrize("tilt", CORNERS.values(), ids=CORNERS)
+def test_a_corner_of_a_rim_resists_turning_with_its_own_extent(tilt: tuple[float, float]) -> None:
+    middle, extent = corner_statics(tilt)
+    torque = INERTIA * retarded(Sole.AREA, middle, tilt, axis="turn", speed=3.0)
+    arm = torque / (FRICTION * MASS * GRAVITY)
+    assert arm == pytest.approx(0.0049, rel=0.1)
+    # Few faces, whose forces act at their centroids, add half a millimetre to that of springs.
+    assert arm == pytest.approx(extent, abs=0.0007)
+
+
+@pytest.mark.parametrize("tilt", CORNERS.values(), ids=CORNERS)
+def test_a_point_does_not_resist_turning(tilt: tuple[float, float]) -> None:
+    corner = np.sign(tilt[1]) * LENGTH / 2.0, -np.sign(tilt[0]) * WIDTH / 2.0
+    torque = INERTIA * retarded(Sole.POINTS, corner, tilt, axis="turn", speed=3.0)
+    assert abs(torque) < 1e-4 * FRICTION * MASS * GRAVITY
+
+
 @pytest.mark.parametrize("sole", NEW)
 @pytest.mark.parametrize("stance", [FLAT, SIDE], ids=["flat", "side edge"])
 def test_a_sliding_plate_loses_what_friction_takes(
@@ -170,6 +230,215 @@ def test_a_sliding_plate_loses_what_friction_takes(
 ) -> None:
     deceleration = retarded(sole, *stance, axis="slide", speed=0.5)
     assert deceleration == pytest.approx(FRICTION * GRAVITY, rel=0.02)
+
+
+# --- A plate that rolls over its edge -------------------------------------------------------------
+
+TALL, GYRATION = 0.15, 0.05
+"""Height of the centre of mass over the plate, and radius of gyration about it [m]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rocking:
+    """A plate under a tall load, at rest on its rear edge before it falls on its front one."""
+
+    plant: MultibodyPlant
+    simulator: Simulator
+    context: Context
+    reading: Context
+    """Of the plant, to read from: the caches of the simulated one lag behind its state."""
+
+    @property
+    def foot(self) -> RigidBody:
+        """The plate with its load."""
+        return self.plant.GetBodyByName("foot_l")
+
+    @property
+    def energy(self) -> float:
+        """Kinetic and potential energy over that of the plate flat and at rest [J]."""
+        flat = MASS * GRAVITY * TALL
+        kinetic = self.plant.CalcKineticEnergy(self.context)
+        return float(kinetic + self.plant.CalcPotentialEnergy(self.context) - flat)
+
+    @property
+    def pitch(self) -> float:
+        """Angle about y, the nose down [rad]."""
+        X_WF = self.plant.EvalBodyPoseInWorld(self.reading, self.foot)
+        return RollPitchYaw(X_WF.rotation()).pitch_angle()
+
+    @property
+    def turning(self) -> float:
+        """Angular velocity about y, the nose going down [rad/s]."""
+        return float(self.plant.GetVelocities(self.context)[1])
+
+    def advance(self, time: float) -> None:
+        """Simulate until a time [s]."""
+        self.simulator.AdvanceTo(time)
+        state = self.plant.GetPositionsAndVelocities(self.context)
+        self.plant.SetPositionsAndVelocities(self.reading, state)
+
+
+def rocking(sole: Sole, part: float, step: float) -> Rocking:
+    """Put the plate on its rear edge, tilted by a part of the angle at which it would topple."""
+    builder = DiagramBuilder()
+    config = MultibodyPlantConfig(time_step=0.0, contact_model="hydroelastic_with_fallback")
+    plant, _ = AddMultibodyPlant(config, builder)
+    plant.set_name("plant")
+    ball = UnitInertia.SolidSphere(GYRATION / np.sqrt(0.4))
+    up = np.array([0.0, 0.0, TALL])
+    inertia = SpatialInertia(MASS, up, ball.ShiftFromCenterOfMass(-up))
+    foot = plant.AddRigidBody("foot_l", inertia)
+    plate = Plate(
+        link="foot_l",
+        X_LP=RigidTransform(),
+        length=LENGTH,
+        width=WIDTH,
+        friction=CoulombFriction(SURFACE, SURFACE),
+    )
+    add_soles(plant, [plate], sole)
+    add_ground(plant, sole)
+    plant.Finalize()
+    diagram = builder.Build()
+    context, copy = diagram.CreateDefaultContext(), diagram.CreateDefaultContext()
+    own = plant.GetMyMutableContextFromRoot(context)
+    tilt = part * np.arctan2(LENGTH / 2.0, TALL)
+    high = np.array([0.0, 0.0, LENGTH / 2.0 * np.sin(tilt)])
+    plant.SetFreeBodyPose(own, foot, RigidTransform(RollPitchYaw(0.0, -tilt, 0.0), high))
+    return Rocking(
+        plant=plant,
+        simulator=start(diagram, context, Integrator(step=step)),
+        context=own,
+        reading=plant.GetMyMutableContextFromRoot(copy),
+    )
+
+
+def lost_in_rolling(sole: Sole, part: float, step: float) -> float:
+    """Part of the energy that is lost from rest on the rear edge to rest on the front one."""
+    plate = rocking(sole, part, step)
+    before, time = plate.energy, 0.0
+    plate.advance(step)
+    while plate.pitch < np.radians(0.5) or plate.turning > 0.0:
+        time += step
+        plate.advance(time + step)
+        assert time < 2.0
+    return float((before - plate.energy) / before)
+
+
+@pytest.mark.parametrize("step", [0.001, 0.0025])
+@pytest.mark.parametrize("part", [0.5, 0.7, 0.9])
+def test_a_plate_that_rolls_over_its_edge_loses_what_an_inelastic_impact_takes(
+    part: float, step: float
+) -> None:
+    # Conservation of angular momentum about the edge that lands (Housner 1963).
+    k, a = GYRATION**2 + TALL**2, (LENGTH / 2.0) ** 2
+    expected = 1.0 - ((k - a) / (k + a)) ** 2
+    assert lost_in_rolling(Sole.AREA, part, step) == pytest.approx(expected, rel=0.1)
+
+
+@pytest.mark.parametrize("sole", NEW)
+def test_a_plate_rolls_over_its_edge_alike_in_fine_steps(sole: Sole) -> None:
+    coarse, fine = (lost_in_rolling(sole, 0.7, step) for step in (0.001, 0.0002))
+    assert coarse == pytest.approx(fine, rel=0.1)
+
+
+@pytest.mark.parametrize("sole", NEW)
+def test_a_plate_that_rolls_over_its_edge_loses_what_damping_and_friction_take(sole: Sole) -> None:
+    plate, step, end = rocking(sole, 0.7, 0.0002), 0.0002, 0.5
+    before, work, stored = plate.energy, 0.0, 0.0
+    for index in range(round(end / step)):
+        plate.advance((index + 1) * step)
+        stored, power = stored_and_lost(plate, sole)
+        work += power * step
+    # It begins without being sunk in: at the end, a little is stored in the ground.
+    assert before - plate.energy == pytest.approx(work + stored, rel=0.1)
+
+
+def stored_and_lost(plate: Rocking, sole: Sole) -> tuple[float, float]:
+    """Energy in the springs of the ground [J], and power of its dampers and of friction [W].
+
+    A spring with force f at rest has f (1 + d v), where the plate comes nearer at speed v.
+    """
+    contact, foot = Contact(), plate.foot
+    X_WF = plate.plant.EvalBodyPoseInWorld(plate.reading, foot)
+    velocity = plate.plant.EvalBodySpatialVelocityInWorld(plate.reading, foot)
+    springs: list[tuple[FloatArray, FloatArray, float, float]] = []
+    up = np.array([0.0, 0.0, 1.0])
+    if sole is Sole.POINTS:
+        for corner in ((-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)):
+            radius = 5e-4
+            place = X_WF @ np.array([corner[0] * LENGTH / 2.0, corner[1] * WIDTH / 2.0, radius])
+            force = contact.stiffness * max(radius - place[2], 0.0)
+            springs.append((place - radius * up, up, force, force**2 / contact.stiffness / 2.0))
+    else:
+        results = plate.plant.get_contact_results_output_port().Eval(plate.reading)
+        for index in range(results.num_hydroelastic_contacts()):
+            surface = results.hydroelastic_contact_info(index).contact_surface()
+            mesh, pressures = surface.poly_mesh_W(), surface.poly_e_MN()
+            for face in range(mesh.num_elements()):
+                place, normal = mesh.element_centroid(face), mesh.face_normal(face)
+                pressure, area = pressures.EvaluateCartesian(face, place), mesh.area(face)
+                sunk = pressure * contact.slab / contact.modulus
+                springs.append(
+                    (
+                        place,
+                        normal * np.sign(normal[2]),
+                        area * pressure,
+                        area * pressure * sunk / 2,
+                    )
+                )
+    stored, power = 0.0, 0.0
+    for place, normal, force, energy in springs:
+        v = velocity.Shift(place - X_WF.translation()).translational()
+        approach = -float(v @ normal)
+        whole = force * max(0.0, 1.0 + contact.dissipation * approach)
+        along = float(np.linalg.norm(v + approach * normal))
+        stored += energy
+        power += (whole - force) * approach + FRICTION * whole * along
+    return stored, power
+
+
+# --- An edge under a load beside its middle -------------------------------------------------------
+
+
+@pytest.mark.parametrize("sole", NEW)
+@pytest.mark.parametrize("pitch", [8.0, -8.0], ids=["front edge", "back edge"])
+@pytest.mark.parametrize(("part", "stands"), [(0.8, True), (1.2, False)])
+def test_an_edge_carries_a_load_beside_its_middle_and_none_beside_its_end(
+    sole: Sole, pitch: float, part: float, stands: bool
+) -> None:
+    builder = DiagramBuilder()
+    config = MultibodyPlantConfig(time_step=0.0, contact_model="hydroelastic_with_fallback")
+    plant, _ = AddMultibodyPlant(config, builder)
+    plant.set_name("plant")
+    slider = plant.AddRigidBody(
+        "slider", SpatialInertia(1e-6, np.zeros(3), UnitInertia.SolidSphere(0.01))
+    )
+    beside = np.array([0.0, part * WIDTH / 2.0, 0.0])
+    ball = UnitInertia.SolidSphere(GYRATION).ShiftFromCenterOfMass(-beside)
+    foot = plant.AddRigidBody("foot_l", SpatialInertia(MASS, beside, ball))
+    up, ahead = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
+    plant.AddJoint(PrismaticJoint("sink", plant.world_frame(), slider.body_frame(), up))
+    tilted = RigidTransform(RollPitchYaw(0.0, np.radians(pitch), 0.0), np.zeros(3))
+    frame = plant.AddFrame(FixedOffsetFrame("upright", foot.body_frame(), tilted.inverse()))
+    roll = plant.AddJoint(RevoluteJoint("roll", slider.body_frame(), frame, ahead))
+    plate = Plate(
+        link="foot_l",
+        X_LP=RigidTransform(np.array([-np.sign(pitch) * LENGTH / 2.0, 0.0, 0.0])),
+        length=LENGTH,
+        width=WIDTH,
+        friction=CoulombFriction(SURFACE, SURFACE),
+    )
+    add_soles(plant, [plate], sole)
+    add_ground(plant, sole)
+    plant.Finalize()
+    diagram = builder.Build()
+    context = diagram.CreateDefaultContext()
+    plant.GetJointByName("sink").set_translation(
+        plant.GetMyMutableContextFromRoot(context), -1.234e-4
+    )
+    start(diagram, context, Integrator(step=0.001)).AdvanceTo(0.8)
+    leans = abs(roll.get_angle(plant.GetMyContextFromRoot(context)))
+    assert bool(leans < np.radians(10.0)) is stands
 
 
 # --- The mesh -------------------------------------------------------------------------------------
