@@ -1,10 +1,10 @@
 """One walk: build the diagram, step it frame by frame, return what it left behind."""
 
-import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
+from importlib.util import find_spec
 from typing import cast
 
 import numpy as np
@@ -14,7 +14,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import Context, Diagram
 from pydrake.systems.primitives import VectorLogSink
 
-from drake_gait.errors import ModelError
+from drake_gait.errors import ModelError, SettingsError
 from drake_gait.foot import FootDesign
 from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray, joint_commands
 from drake_gait.problem import Candidate, Trial
@@ -24,13 +24,20 @@ from drake_gait.servo import Servo
 from drake_gait.simulation.messages import default_context, drake_messages
 from drake_gait.simulation.observer import Observer
 from drake_gait.simulation.plant import Robot, build_robot
+from drake_gait.simulation.posture import (
+    SETTLING_TIME,
+    Posture,
+    check_stands,
+    first_fall,
+    torso_posture,
+    walk_of,
+)
 from drake_gait.simulation.stance import check_placed, check_toes
 from drake_gait.sole import Contact, Sole
 from drake_gait.walk import (
-    FALL_HEIGHT,
-    FALL_TILT,
     SEARCH_STEP,
     Disturbance,
+    Engine,
     Integrator,
     Outcome,
     Walk,
@@ -39,8 +46,6 @@ from drake_gait.walk import (
 
 Watch = Callable[[float, FloatArray], None]
 """Takes an instant [s] and the positions of the plant, shape (n,)."""
-
-_UPRIGHT = math.cos(FALL_TILT)
 
 _TOLERANCE, _LINE_SEARCH_TOLERANCE = 1e-5, 1e-3
 """Of CENIC's convex solver in steps of fixed length; with errors controlled it follows them."""
@@ -54,15 +59,8 @@ On a rim it would find no solution in three of twelve walks.
 _LINE_SEARCH_OF_SETTLING = 1e-8
 """Drake's own: last digits of where a robot stood grow to 0.1 mm where errors are controlled."""
 
-_SETTLING_TIME = 1.0
-"""How long the robot stands before its walk, to come to rest on its soles [s]."""
-
-
 _TRIED_OUT = 5
 """Frames of a walk in which a robot is tried out."""
-
-_UNMOVED = math.radians(10.0)
-"""What stands turns and leans by less than this [rad]."""
 
 _FRAMES_AT_A_TIME = 10
 """Frames between two looks at a walk that nobody watches; Drake logs each of them by itself.
@@ -134,11 +132,30 @@ def follow(
     """
     commands = joint_commands(commands)
     foot, settings = foot or FootDesign(), settings or WalkSettings()
-    robot, context = prepare(commands, foot, settings)
-    observer = Observer(robot, commands) if history or settings.measures else None
-    with drake_messages():
-        walk = _advance(robot, context, settings, observer, watch)
+    observed = history or settings.measures
+    if settings.engine is Engine.MUJOCO:
+        walk = follow_in_mujoco()(commands, foot, settings, observed=observed, watch=watch)
+    else:
+        robot, context = prepare(commands, foot, settings)
+        observer = Observer(robot, commands) if observed else None
+        with drake_messages():
+            walk = _advance(robot, context, settings, observer, watch)
     return walk if history else replace(walk, history=None)
+
+
+def follow_in_mujoco() -> Callable[..., Walk]:
+    """Return what follows commands in MuJoCo, which is imported when it is first asked for.
+
+    Raises:
+        SettingsError: it is not installed.
+    """
+    if find_spec("mujoco") is None:
+        raise SettingsError(
+            "walk.engine = \"mujoco\" needs MuJoCo: pip install 'drake-gait[mujoco]'"
+        )
+    from drake_gait.simulation.mujoco import engine
+
+    return engine.follow
 
 
 def try_out(candidate: Candidate, settings: WalkSettings) -> None:
@@ -147,10 +164,13 @@ def try_out(candidate: Candidate, settings: WalkSettings) -> None:
     Raises:
         ModelError: the robot cannot be used.
     """
-    commands = candidate.gait.commands_from(settings.start)
-    robot, context = prepare(commands, candidate.foot, settings)
-    with drake_messages():
-        walk = _advance(robot, context, settings, Observer(robot, commands), frames=_TRIED_OUT)
+    commands, foot = candidate.gait.commands_from(settings.start), candidate.foot
+    if settings.engine is Engine.MUJOCO:
+        walk = follow_in_mujoco()(commands, foot, settings, observed=True, frames=_TRIED_OUT)
+    else:
+        robot, context = prepare(commands, foot, settings)
+        with drake_messages():
+            walk = _advance(robot, context, settings, Observer(robot, commands), frames=_TRIED_OUT)
     if not walk.survived:
         raise ModelError(
             f"{settings.model}: the robot does not walk for {_TRIED_OUT * FRAME_TIME:g} s: "
@@ -225,35 +245,21 @@ def _standing(
     with drake_messages():
         try:
             simulator = start(robot.diagram, context, stepping, _LINE_SEARCH_OF_SETTLING)
-            simulator.AdvanceTo(_SETTLING_TIME)
+            simulator.AdvanceTo(SETTLING_TIME)
         except (RuntimeError, SystemExit) as error:
             reason = str(error).strip().splitlines()[0]
             raise ModelError(f"{model}: the robot cannot be stood up: {reason}") from None
-    _check_stands(before, _posture(robot, plant_context), model)
+    check_stands(before, _posture(robot, plant_context), model)
     positions: FloatArray = robot.plant.GetPositions(plant_context)
     positions.setflags(write=False)
     return positions
 
 
-def _posture(robot: Robot, plant_context: Context) -> tuple[float, float, float]:
-    """Heading, cosine of the lean, and height of the torso, see `torso_posture`."""
+def _posture(robot: Robot, plant_context: Context) -> Posture:
+    """Return the posture of a robot's torso."""
     torso = robot.plant.GetBodyByName(BASE)
     first = torso.floating_positions_start()
     return torso_posture(robot.plant.GetPositions(plant_context)[first : first + 7])
-
-
-def _check_stands(
-    before: tuple[float, float, float], after: tuple[float, float, float], model: RobotModel
-) -> None:
-    """Refuse a robot that does not stay where its file puts it."""
-    turn, lean = abs(after[0] - before[0]), math.acos(min(max(after[1], -1.0), 1.0))
-    stays = turn < _UNMOVED and lean < _UNMOVED and after[2] > FALL_HEIGHT * before[2]
-    if not stays:  # Written so that what is not a number does not.
-        raise ModelError(
-            f"{model}: the robot does not stand: in {_SETTLING_TIME:g} s its torso turns by "
-            f"{math.degrees(turn):.0f} and leans by {math.degrees(lean):.0f} degrees, from "
-            f"{before[2]:.3g} to {after[2]:.3g} m; put its centre of mass over its soles"
-        )
 
 
 def start(
@@ -309,7 +315,7 @@ def _advance(
     if observer:
         observer.record(context)
         simulator.set_monitor(observer.monitor)
-    postures: list[tuple[float, float, float]] = []
+    postures: list[Posture] = []
     stride = 1 if observer or watch else _FRAMES_AT_A_TIME
     for frame in range(stride, frames + 1, stride):
         failure = ""
@@ -326,43 +332,20 @@ def _advance(
             observer.record(context)
         if watch and not failure:
             watch(frame * FRAME_TIME, positions[-1])
-        fall = _first_fall(postures, seen)
+        fall = first_fall(postures, seen)
         if fall is not None:
             break
         if failure:
             return Walk.diverged(failure, steps=len(postures) - 1)
         if time.thread_time() > deadline:
             return Walk.diverged(f"took longer than {settings.time_limit:g} s", steps=frame)
-    end, steps = (frames, frames) if fall is None else (fall, fall - 1)
-    com_start, com_end = _centres_of_mass(robot, positions[[0, end]])
-    if not np.isfinite(com_end).all():
-        return Walk.diverged("the state is not finite", steps=steps)
-    forward, lateral, _ = (com_end - com_start).tolist()
-    headings = np.unwrap([heading for heading, _, _ in postures[: end + 1]])
-    yaw_swing = float(np.ptp(headings))
-    history = observer.history() if observer else None
-    return Walk(
-        outcome=Outcome.WALKED if fall is None else Outcome.FELL,
-        steps=steps,
-        forward=forward,
-        lateral=lateral,
-        yaw=float(headings[-1] - headings[0]),
-        com_height=float(com_end[2]),
-        yaw_swing=yaw_swing,
-        reason="" if fall is None else f"fell at {fall * FRAME_TIME:.2f} s",
-        history=history,
-        measures=observer.measures(history, forward, yaw_swing) if observer and history else None,
-    )
-
-
-def _first_fall(postures: Sequence[tuple[float, float, float]], seen: int) -> int | None:
-    """The frame by which the robot has fallen, from its torso's postures; `seen` ones stand."""
-    lowest = FALL_HEIGHT * postures[0][2]
-    for frame, (_, upright, height) in enumerate(postures[seen:], seen):
-        # Written so that a state that is not a number counts as a fall.
-        if not (upright > _UPRIGHT and height > lowest):
-            return frame
-    return None
+    centres = _centres_of_mass(robot, positions[[0, frames if fall is None else fall]])
+    walk = walk_of(postures, centres, fall, frames)
+    if not observer or walk.outcome is Outcome.DIVERGED:
+        return walk
+    history, yaw_swing = observer.history(), walk.yaw_swing or 0.0
+    measures = observer.measures(history, walk.forward, yaw_swing)
+    return replace(walk, history=history, measures=measures)
 
 
 def _centres_of_mass(robot: Robot, postures: FloatArray) -> list[FloatArray]:
@@ -373,14 +356,3 @@ def _centres_of_mass(robot: Robot, postures: FloatArray) -> list[FloatArray]:
         robot.plant.SetPositions(context, positions)
         centres.append(robot.plant.CalcCenterOfMassPositionInWorld(context))
     return centres
-
-
-def torso_posture(pose: FloatArray) -> tuple[float, float, float]:
-    """Heading [rad], cosine of the lean from upright, and height [m] of the torso.
-
-    Args:
-        pose: Quaternion (w, x, y, z) and position [m] of the torso in the world, shape (7,).
-    """
-    w, x, y, z, _, _, height = pose.tolist()
-    heading = math.atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
-    return heading, 1.0 - 2.0 * (x * x + y * y), height
