@@ -91,9 +91,10 @@ def mjcf(robot: Robot, plant_context: Context, step: float) -> str:
     plant = robot.plant
     root = Element("mujoco", model="robot")
     SubElement(root, "compiler", angle="radian", inertiafromgeom="false", autolimits="true")
-    # Elliptic: as Drake's friction cone, and alike in all directions.
+    # Elliptic: as Drake's friction cone, alike in all directions. Ten times as stiff along the
+    # ground as across: feet under load would creep otherwise.
     option = SubElement(
-        root, "option", timestep=repr(step), integrator="implicitfast", cone="elliptic",
+        root, "option", timestep=repr(step), integrator="implicitfast", cone="elliptic", impratio="10",
         gravity=_numbers(plant.gravity_field().gravity_vector()),
     )  # fmt: skip
     SubElement(option, "flag", autoreset="disable")  # A walk that diverges must not begin anew.
@@ -111,13 +112,15 @@ def mjcf(robot: Robot, plant_context: Context, step: float) -> str:
     SubElement(base, "freejoint", name=BASE)
     _add_inertia(base, torso, plant_context)
     elements = {torso.index(): base}
+    hinges: dict[str, Element] = {}
     springs = _springs(robot, plant_context)
     for link in _links(robot, plant_context):
         element = _body(elements[link.parent.index()], link.body, link.X_PB)
         elements[link.body.index()] = element
-        _add_joint(element, link, springs, plant_context)
+        if (hinge := _add_joint(element, link, springs, plant_context)) is not None:
+            hinges[link.joint.name()] = hinge
         _add_inertia(element, link.body, plant_context)
-    _add_servos(parts["actuator"], robot)
+    _add_servos(parts["actuator"], hinges, robot, plant_context)
     _add_contacts(parts, elements, robot)
     return ElementTree.tostring(root, encoding="unicode")
 
@@ -170,11 +173,12 @@ def _links(robot: Robot, plant_context: Context) -> Iterator[_Link]:
 
 def _add_joint(
     element: Element, link: _Link, springs: dict[str, tuple[float, float]], plant_context: Context
-) -> None:
+) -> Element | None:
+    """Write the joint of a link; a weld is none."""
     joint = link.joint
     match joint:
         case WeldJoint():
-            return
+            return None
         case RevoluteJoint():
             kind, axis = "hinge", joint.revolute_axis()
         case PrismaticJoint():
@@ -201,6 +205,7 @@ def _add_joint(
         stiffness, rest = springs[joint.name()]
         hinge.set("stiffness", repr(stiffness))
         hinge.set("springref", repr(rest))
+    return hinge
 
 
 _FAR = 1e3
@@ -249,10 +254,13 @@ def _add_inertia(element: Element, body: RigidBody, plant_context: Context) -> N
     )
 
 
-def _add_servos(actuators: Element, robot: Robot) -> None:
-    """Write the servos' controllers; the damping of their joints has the motors' back-EMF."""
+def _add_servos(
+    actuators: Element, hinges: dict[str, Element], robot: Robot, plant_context: Context
+) -> None:
+    """Write the servos' controllers and rotors; their joints' damping has the back-EMF."""
     for name in JOINTS:
         actuator = robot.plant.GetJointActuatorByName(name)
+        hinges[name].set("armature", repr(float(actuator.calc_reflected_inertia(plant_context))))
         gains, stall = actuator.get_controller_gains(), float(actuator.effort_limit())
         SubElement(
             actuators,
