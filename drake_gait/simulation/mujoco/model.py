@@ -94,8 +94,8 @@ def mjcf(robot: Robot, plant_context: Context, step: float) -> str:
     # Elliptic: as Drake's friction cone, alike in all directions. Ten times as stiff along the
     # ground as across: feet under load would creep otherwise.
     option = SubElement(
-        root, "option", timestep=repr(step), integrator="implicitfast", cone="elliptic", impratio="10",
-        gravity=_numbers(plant.gravity_field().gravity_vector()),
+        root, "option", timestep=repr(step), integrator="implicitfast", cone="elliptic",
+        impratio="10", gravity=_numbers(plant.gravity_field().gravity_vector()),
     )  # fmt: skip
     SubElement(option, "flag", autoreset="disable")  # A walk that diverges must not begin anew.
     default = SubElement(root, "default")
