@@ -36,6 +36,15 @@ class Fidelity(StrEnum):
     """
 
 
+class Engine(StrEnum):
+    """What simulates a walk."""
+
+    DRAKE = "drake"
+    """Drake, for which the contact was chosen."""
+    MUJOCO = "mujoco"
+    """MuJoCo, with the same robot: a second opinion."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Integrator:
     """How Drake steps a walk."""
@@ -62,9 +71,21 @@ class Integrator:
         """
         return self.step if self.accuracy is None else 0.0
 
+    @property
+    def fixed(self) -> bool:
+        """Whether all steps are equally long and of the engine's own kind."""
+        return self.accuracy is None and not self.discrete
+
+
+def _equal_steps(longest: float) -> Integrator:
+    """Equal steps of a frame: the sliver that is left of it otherwise has no solution."""
+    return Integrator(step=FRAME_TIME / math.ceil(FRAME_TIME / longest - 1e-9))
+
 
 SEARCH_STEP = 0.004
 """Step of the search where none is named [s] (docs/experiments/2026-11-27-soles.md)."""
+_LONGEST_IN_MUJOCO = 0.001
+"""Of MuJoCo's steps, whose forces are those of their beginnings [s]."""
 _REFERENCE = Integrator(step=0.001)
 _REFERENCE_ON_BOXES = Integrator(step=FRAME_TIME, accuracy=1e-4)
 
@@ -97,10 +118,12 @@ class WalkSettings:
 
     model: "str | Path | RobotModel" = DEFAULT_MODEL
     """Robot description: an SDF file, the name of a shipped one, or one that has been read."""
+    engine: Engine = Engine.DRAKE
+    """What simulates; MuJoCo needs the extra of its name."""
     fidelity: Fidelity = Fidelity.SEARCH
-    """How finely to simulate."""
+    """How finely to simulate; MuJoCo has one fidelity."""
     step: float = SEARCH_STEP
-    """Longest step of the search fidelity [s]; a frame has equal ones."""
+    """Longest step of the search fidelity [s]; a frame has equal ones. In MuJoCo at most 1 ms."""
     sole: Sole = Sole.AREA
     """What touches the ground under the feet."""
     contact: Contact | None = None
@@ -122,21 +145,28 @@ class WalkSettings:
 
     def __post_init__(self) -> None:
         # A member may be given by its value, as a file names it.
-        for name, kind in (("fidelity", Fidelity), ("sole", Sole), ("start", Start)):
+        kinds = {"engine": Engine, "fidelity": Fidelity, "sole": Sole, "start": Start}
+        for name, kind in kinds.items():
             object.__setattr__(self, name, choice(kind, name, getattr(self, name)))
         if not self.time_limit > 0.0:  # Infinity is a limit too.
             check("time_limit", self.time_limit, POSITIVE, Unit(name="s"))
         check("friction", self.friction, Range(lower=0.05, upper=2.25))
         check("step", self.step, Range(lower=1e-4, upper=FRAME_TIME), Unit(name="s"))
+        if self.engine is Engine.MUJOCO and not self.stepping.fixed:
+            raise SettingsError(
+                "integrator must have steps of fixed length in MuJoCo, without accuracy and not "
+                f"discrete, got {self.integrator}"
+            )
 
     @property
     def stepping(self) -> Integrator:
         """The integrator to use."""
         if self.integrator is not None:
             return self.integrator
+        if self.engine is Engine.MUJOCO:
+            return _equal_steps(min(self.step, _LONGEST_IN_MUJOCO))
         if self.fidelity is Fidelity.SEARCH:
-            # Equal steps: the sliver that is left of a frame otherwise has no solution.
-            return Integrator(step=FRAME_TIME / math.ceil(FRAME_TIME / self.step - 1e-9))
+            return _equal_steps(self.step)
         return _REFERENCE_ON_BOXES if self.sole is Sole.BOXES else _REFERENCE
 
 

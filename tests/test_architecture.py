@@ -47,6 +47,7 @@ WALLS = {
     "matplotlib": {"visualization"},
     "cmaes": {"search"},
     "rich": {"cli"},
+    "mujoco": {"simulation"},
     "optuna": {"report"},
     "sqlalchemy": {"report"},
     "jinja2": {"report"},
@@ -164,7 +165,7 @@ def test_nobody_imports_all_of_drake():
 def test_the_package_depends_on_declared_libraries_only():
     declared = {"cmaes", "jinja2", "matplotlib", "numpy", "pydrake", "rich", "scipy", "torch"}
     declared |= {"drake_gait", "sklearn", "threadpoolctl"}
-    extras = {"dask", "distributed", "optuna", "sqlalchemy"}
+    extras = {"dask", "distributed", "mujoco", "optuna", "sqlalchemy"}
     for path in PACKAGE:
         libraries = {name.split(".")[0] for name in imports(path)} - set(sys.stdlib_module_names)
         assert libraries <= declared | extras, path.name

@@ -28,7 +28,7 @@ _LIGHTEST = 1e-6  # A load whose centre is not looked for [N].
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Touch:
+class Touch:
     """One patch or point of a foot on the ground."""
 
     foot: int
@@ -207,7 +207,7 @@ class Observer:
         controller = cast(FloatArray, port.Eval(plant_context))
         return controller, speeds, controller - self._back_emf * speeds
 
-    def _contacts(self, plant_context: Context) -> list[_Touch]:
+    def _contacts(self, plant_context: Context) -> list[Touch]:
         """Where feet touch the ground: patches of surfaces, and points."""
         port = self._robot.plant.get_contact_results_output_port()
         results = cast(ContactResults, port.Eval(plant_context))
@@ -226,7 +226,7 @@ class Observer:
             ids = pair.point_pair().id_A, pair.point_pair().id_B
             found.append((ids, np.negative(pair.contact_force()), pair.contact_point()))
         return [
-            _Touch(foot=foot, body=body, force=sign * force, place=place)
+            Touch(foot=foot, body=body, force=sign * force, place=place)
             for (first, second), force, place in found
             for one, other, sign in ((first, second, 1.0), (second, first, -1.0))
             if other == self._ground and one in self._geometries
@@ -246,7 +246,7 @@ class Observer:
         It is that of the middle of what touches, by load.
         """
         plant = self._robot.plant
-        plates: dict[int, list[_Touch]] = {}
+        plates: dict[int, list[Touch]] = {}
         for touch in self._contacts(plant_context):
             plates.setdefault(int(touch.body.index()), []).append(touch)
         speeds, loads = np.zeros(2), np.full(2, LOADED)

@@ -1,10 +1,10 @@
 """One walk: build the diagram, step it frame by frame, return what it left behind."""
 
-import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
+from importlib.util import find_spec
 from typing import cast
 
 import numpy as np
@@ -14,7 +14,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import Context, Diagram
 from pydrake.systems.primitives import VectorLogSink
 
-from drake_gait.errors import ModelError
+from drake_gait.errors import ModelError, SettingsError
 from drake_gait.foot import FootDesign
 from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray, joint_commands
 from drake_gait.problem import Candidate, Trial
@@ -25,13 +25,20 @@ from drake_gait.simulation.messages import default_context, drake_messages
 from drake_gait.simulation.observer import Observer
 from drake_gait.simulation.plant import Robot, build_robot
 from drake_gait.simulation.plant_config import PlantConfig
+from drake_gait.simulation.posture import (
+    SETTLING_TIME,
+    Posture,
+    check_stands,
+    first_fall,
+    torso_posture,
+    walk_of,
+)
 from drake_gait.simulation.stance import check_placed, check_toes
 from drake_gait.sole import Sole
 from drake_gait.walk import (
-    FALL_HEIGHT,
-    FALL_TILT,
     SEARCH_STEP,
     Disturbance,
+    Engine,
     Integrator,
     Measures,
     Outcome,
@@ -41,8 +48,6 @@ from drake_gait.walk import (
 
 Watch = Callable[[float, FloatArray], None]
 """Takes an instant [s] and the positions of the plant, shape (n,)."""
-
-_UPRIGHT = math.cos(FALL_TILT)
 
 _TOLERANCE, _LINE_SEARCH_TOLERANCE = 1e-5, 1e-3
 """Of CENIC's convex solver in steps of fixed length; with errors controlled it follows them."""
@@ -56,15 +61,8 @@ On a rim it would find no solution in three of twelve walks.
 _LINE_SEARCH_OF_SETTLING = 1e-8
 """Drake's own: last digits of where a robot stood grow to 0.1 mm where errors are controlled."""
 
-_SETTLING_TIME = 1.0
-"""How long the robot stands before its walk, to come to rest on its soles [s]."""
-
-
 _TRIED_OUT = 5
 """Frames of a walk in which a robot is tried out."""
-
-_UNMOVED = math.radians(10.0)
-"""What stands turns and leans by less than this [rad]."""
 
 _FRAMES_AT_A_TIME = 10
 """Frames between two looks at a walk that nobody watches; Drake logs each of them by itself.
@@ -139,6 +137,9 @@ def follow(
     """
     commands = joint_commands(commands)
     foot, settings = foot or FootDesign(), settings or WalkSettings()
+    if settings.engine is Engine.MUJOCO:
+        walk = follow_in_mujoco()(commands, foot, settings, observed=True, watch=watch)
+        return walk if history else replace(walk, history=None)
     robot, context = prepare(commands, foot, settings)
     observer = _observer(robot, commands, settings) if history else None
     with drake_messages():
@@ -163,17 +164,35 @@ def measured_at_every_step(candidate: Candidate, settings: WalkSettings) -> tupl
     return walk, measures
 
 
+def follow_in_mujoco() -> Callable[..., Walk]:
+    """Return what follows commands in MuJoCo, which is imported when it is first asked for.
+
+    Raises:
+        SettingsError: it is not installed.
+    """
+    if find_spec("mujoco") is None:
+        raise SettingsError(
+            "walk.engine = \"mujoco\" needs MuJoCo: pip install 'drake-gait[mujoco]'"
+        )
+    from drake_gait.simulation.mujoco import engine
+
+    return engine.follow
+
+
 def try_out(candidate: Candidate, settings: WalkSettings) -> None:
     """Stand a robot up and walk it for a moment, with all that is ever measured of a walk.
 
     Raises:
         ModelError: the robot cannot be used.
     """
-    commands = candidate.gait.commands_from(settings.start)
-    robot, context = prepare(commands, candidate.foot, settings)
-    with drake_messages():
-        observer, sent = _observer(robot, commands, settings), _sent(commands, settings)
-        walk = _advance(robot, context, settings, sent, observer=observer, frames=_TRIED_OUT)
+    commands, foot = candidate.gait.commands_from(settings.start), candidate.foot
+    if settings.engine is Engine.MUJOCO:
+        walk = follow_in_mujoco()(commands, foot, settings, observed=True, frames=_TRIED_OUT)
+    else:
+        robot, context = prepare(commands, foot, settings)
+        with drake_messages():
+            observer, sent = _observer(robot, commands, settings), _sent(commands, settings)
+            walk = _advance(robot, context, settings, sent, observer=observer, frames=_TRIED_OUT)
     if not walk.survived:
         raise ModelError(
             f"{settings.model}: the robot does not walk for {_TRIED_OUT * FRAME_TIME:g} s: "
@@ -245,35 +264,21 @@ def _standing(config: PlantConfig) -> FloatArray:
     with drake_messages():
         try:
             simulator = start(robot.diagram, context, stepping, _LINE_SEARCH_OF_SETTLING)
-            simulator.AdvanceTo(_SETTLING_TIME)
+            simulator.AdvanceTo(SETTLING_TIME)
         except (RuntimeError, SystemExit) as error:
             reason = str(error).strip().splitlines()[0]
             raise ModelError(f"{model}: the robot cannot be stood up: {reason}") from None
-    _check_stands(before, _posture(robot, plant_context), model)
+    check_stands(before, _posture(robot, plant_context), model)
     positions: FloatArray = robot.plant.GetPositions(plant_context)
     positions.setflags(write=False)
     return positions
 
 
-def _posture(robot: Robot, plant_context: Context) -> tuple[float, float, float]:
-    """Heading, cosine of the lean, and height of the torso, see `torso_posture`."""
+def _posture(robot: Robot, plant_context: Context) -> Posture:
+    """Return the posture of a robot's torso."""
     torso = robot.plant.GetBodyByName(BASE)
     first = torso.floating_positions_start()
     return torso_posture(robot.plant.GetPositions(plant_context)[first : first + 7])
-
-
-def _check_stands(
-    before: tuple[float, float, float], after: tuple[float, float, float], model: RobotModel
-) -> None:
-    """Refuse a robot that does not stay where its file puts it."""
-    turn, lean = abs(after[0] - before[0]), math.acos(min(max(after[1], -1.0), 1.0))
-    stays = turn < _UNMOVED and lean < _UNMOVED and after[2] > FALL_HEIGHT * before[2]
-    if not stays:  # Written so that what is not a number does not.
-        raise ModelError(
-            f"{model}: the robot does not stand: in {_SETTLING_TIME:g} s its torso turns by "
-            f"{math.degrees(turn):.0f} and leans by {math.degrees(lean):.0f} degrees, from "
-            f"{before[2]:.3g} to {after[2]:.3g} m; put its centre of mass over its soles"
-        )
 
 
 def start(
@@ -333,7 +338,7 @@ def _advance(
         observer.record(context)
         if monitored:
             simulator.set_monitor(observer.monitor)
-    postures: list[tuple[float, float, float]] = []
+    postures: list[Posture] = []
     stride = 1 if observer or watch else _FRAMES_AT_A_TIME
     for frame in range(stride, frames + 1, stride):
         failure = ""
@@ -350,33 +355,21 @@ def _advance(
             observer.record(context)
         if watch and not failure:
             watch(frame * FRAME_TIME, positions[-1])
-        fall = _first_fall(postures, seen)
+        fall = first_fall(postures, seen)
         if fall is not None:
             break
         if failure:
             return Walk.diverged(failure, frames=len(postures) - 1)
         if time.thread_time() > deadline:
             return Walk.diverged(f"took longer than {settings.time_limit:g} s", frames=frame)
-    end, completed = (frames, frames) if fall is None else (fall, fall - 1)
-    com_start, com_end = _centres_of_mass(robot, positions[[0, end]])
-    if not np.isfinite(com_end).all():
-        return Walk.diverged("the state is not finite", frames=completed)
-    forward, lateral, _ = (com_end - com_start).tolist()
-    headings = np.unwrap([heading for heading, _, _ in postures[: end + 1]])
-    yaw_swing = float(np.ptp(headings))
-    measured = _measures(robot, context, settings, sent, end=end, walk=(forward, yaw_swing))
-    return Walk(
-        outcome=Outcome.WALKED if fall is None else Outcome.FELL,
-        frames=completed,
-        forward=forward,
-        lateral=lateral,
-        yaw=float(headings[-1] - headings[0]),
-        com_height=float(com_end[2]),
-        yaw_swing=yaw_swing,
-        reason="" if fall is None else f"fell at {fall * FRAME_TIME:.2f} s",
-        history=observer.history() if observer else None,
-        measures=measured,
-    )
+    end = frames if fall is None else fall
+    walk = walk_of(postures, _centres_of_mass(robot, positions[[0, end]]), fall, frames)
+    if walk.outcome is Outcome.DIVERGED:
+        return walk
+    told = walk.forward, walk.yaw_swing or 0.0
+    measured = _measures(robot, context, settings, sent, end=end, walk=told)
+    history = observer.history() if observer else None
+    return replace(walk, history=history, measures=measured)
 
 
 def _measures(
@@ -399,16 +392,6 @@ def _measures(
         return measures_of(record, forward=walk[0], yaw_swing=walk[1])
 
 
-def _first_fall(postures: Sequence[tuple[float, float, float]], seen: int) -> int | None:
-    """The frame by which the robot has fallen, from its torso's postures; `seen` ones stand."""
-    lowest = FALL_HEIGHT * postures[0][2]
-    for frame, (_, upright, height) in enumerate(postures[seen:], seen):
-        # Written so that a state that is not a number counts as a fall.
-        if not (upright > _UPRIGHT and height > lowest):
-            return frame
-    return None
-
-
 def _centres_of_mass(robot: Robot, postures: FloatArray) -> list[FloatArray]:
     """p_WC [m], shape (3,) each, of postures, shape (n, positions)."""
     context = robot.plant.CreateDefaultContext()
@@ -417,14 +400,3 @@ def _centres_of_mass(robot: Robot, postures: FloatArray) -> list[FloatArray]:
         robot.plant.SetPositions(context, positions)
         centres.append(robot.plant.CalcCenterOfMassPositionInWorld(context))
     return centres
-
-
-def torso_posture(pose: FloatArray) -> tuple[float, float, float]:
-    """Heading [rad], cosine of the lean from upright, and height [m] of the torso.
-
-    Args:
-        pose: Quaternion (w, x, y, z) and position [m] of the torso in the world, shape (7,).
-    """
-    w, x, y, z, _, _, height = pose.tolist()
-    heading = math.atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
-    return heading, 1.0 - 2.0 * (x * x + y * y), height

@@ -38,7 +38,7 @@ from drake_gait.study.centre import resolve_centre, whole_path
 from drake_gait.study.keys import BOX, CONFIRMATION, CONSTRAINTS, FOOT, KEYS, SERVO, WALK
 from drake_gait.study.search_settings import ConfirmationSettings, SearchSettings
 from drake_gait.study.settings import FRICTION, Source, StudySettings, study_settings
-from drake_gait.walk import Fidelity, WalkSettings
+from drake_gait.walk import Engine, Fidelity, WalkSettings
 
 _OTHER_CENTRE = {"centre_from": "centre_deg", "centre_deg": "centre_from"}
 
@@ -177,7 +177,7 @@ def _walk(content: Mapping[str, Any], folder: Path) -> WalkSettings:
     if "model" in values:
         values["model"] = located(values["model"], folder)
     measured = {key: values.pop(key) for key in WALK if key in values}
-    kinds: dict[str, type[StrEnum]] = {"fidelity": Fidelity, "sole": Sole}
+    kinds: dict[str, type[StrEnum]] = {"engine": Engine, "fidelity": Fidelity, "sole": Sole}
     for key in kinds.keys() & values.keys():
         values[key] = choice(kinds[key], f"walk.{key}", values[key])
     if "start" in (gait := content.get("gait", {})):

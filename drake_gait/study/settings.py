@@ -28,7 +28,7 @@ from drake_gait.study._toml import (
 )
 from drake_gait.study.keys import KEYS, OLDER
 from drake_gait.study.search_settings import ConfirmationSettings, Mode, SearchSettings
-from drake_gait.walk import Fidelity, Walk, WalkSettings
+from drake_gait.walk import Engine, Fidelity, Walk, WalkSettings
 
 FRICTION = Range(lower=0.1, upper=1.5)
 """A variation may take half of it, or add half, and is still a walk that can be simulated."""
@@ -167,6 +167,7 @@ def study_settings(
         constraints=Constraints(**nested["constraints"]),
         walk=WalkSettings(
             model=walk["model"],
+            engine=choice(Engine, "walk.engine", walk["engine"]),
             fidelity=choice(Fidelity, "walk.fidelity", walk["fidelity"]),
             step=walk["step"],
             sole=choice(Sole, "walk.sole", walk["sole"]),

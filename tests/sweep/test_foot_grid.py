@@ -250,7 +250,7 @@ def test_the_committed_grid_has_the_analysis_of_its_walks(repository):
             place = tuple(int(row[key]) for key in ("first", "second", "gait", "replica"))
             walks[place] = Walk(
                 outcome=Outcome(row["outcome"]),
-                steps=int(row["steps"]),
+                frames=int(row["steps"]),
                 forward=1e-3 * float(row["forward_mm"]),
                 lateral=1e-3 * float(row["lateral_mm"]),
                 yaw=np.radians(float(row["yaw_deg"])),

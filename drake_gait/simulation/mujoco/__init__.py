@@ -1,0 +1,1 @@
+"""Walks in MuJoCo: a second engine behind the same seam as Drake."""
