@@ -178,7 +178,7 @@ def prepare(
     robot.scale_masses(plant_context, changed.mass)
     gait_context = robot.gait.GetMyMutableContextFromRoot(context)
     sent = commands + np.array(changed.joint_zeros)
-    robot.gait.set_commands(gait_context, sent, lead=stepping.lead)
+    robot.gait.set_commands(gait_context, sent, lead=stepping.lead - changed.delay)
     return robot, context
 
 
