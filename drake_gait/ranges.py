@@ -20,6 +20,9 @@ class Unit:
 
 NONE = Unit(name="")
 """The unit of a plain number."""
+RAD = Unit(name="rad")
+DEGREES = Unit(name="degrees", si=math.pi / 180.0)
+MS = Unit(name="ms", si=1e-3)
 
 
 @dataclass(frozen=True, kw_only=True)

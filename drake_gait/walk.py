@@ -90,6 +90,10 @@ _REFERENCE = Integrator(step=0.001)
 _REFERENCE_ON_BOXES = Integrator(step=FRAME_TIME, accuracy=1e-4)
 
 
+MOST_DELAY = 0.1
+"""Longest delay of commands [s]."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Disturbance:
     """How a robot differs from its description."""
@@ -100,6 +104,8 @@ class Disturbance:
     """Factor on the supply voltage: on the stall torque and on the no-load speed."""
     mass: float = 1.0
     """Factor on the mass and the inertia of every link."""
+    delay: float = 0.0
+    """Time by which every command is late [s]."""
 
     def __post_init__(self) -> None:
         if len(self.joint_zeros) != len(JOINTS):
@@ -110,6 +116,7 @@ class Disturbance:
             check("joint_zeros", zero, Range(lower=-0.1, upper=0.1), Unit(name="rad"))
         check("voltage", self.voltage, Range(lower=0.5, upper=2.0))
         check("mass", self.mass, Range(lower=0.5, upper=2.0))
+        check("delay", self.delay, Range(lower=0.0, upper=MOST_DELAY), Unit(name="s"))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -110,8 +110,9 @@ def verdict(settings: StudySettings, walks: Sequence[StudyWalk]) -> str:
             f"{robust.walk.id}: {1e3 * robust.median:.1f} mm in the median of "
             f"{len(robust.variations)} walks with noise."
         )
+    mean = ", a mean of neighbours" if robust.walk.is_mean else ""
     return (
-        f"The winner of {count} is walk {robust.walk.id}, which can be trusted: "
+        f"The winner of {count} is walk {robust.walk.id}{mean}, which can be trusted: "
         f"{1e3 * robust.trusted:.1f} mm in the median of {len(robust.converged)} walks with noise "
         f"at reference fidelity, {robust.converged_feasible} of them feasible."
     )
@@ -162,6 +163,9 @@ def _finalist(settings: StudySettings, finalist: Finalist) -> dict[str, Any]:
         "trusted_mm": _mm(finalist.trusted),
         "converged": _counts(finalist.converged, finalist.converged_feasible),
         "servo": _counts(finalist.servo, finalist.servo_feasible),
+        "other_sole": _elsewhere(settings, finalist, finalist.other_sole),
+        "other_engine": _elsewhere(settings, finalist, finalist.other_engine),
+        "mean": finalist.walk.is_mean,
         "slipping": finalist.slipping,
         "reference": reference
         and {
@@ -171,6 +175,22 @@ def _finalist(settings: StudySettings, finalist: Finalist) -> dict[str, Any]:
             "feasible": settings.assess(reference.walk).feasible,
         },
         "measures": measured and measured.walk.measures and asdict(measured.walk.measures),
+    }
+
+
+def _elsewhere(
+    settings: StudySettings, finalist: Finalist, other: StudyWalk | None
+) -> dict[str, Any] | None:
+    """Return how a walk on another sole or in another engine went; None where there is none."""
+    passed = finalist.transfers(other, settings.confirmation.transfer_distance)
+    if other is None or passed is None or finalist.reference is None:
+        return None
+    forward = finalist.reference.walk.forward
+    return {
+        "outcome": str(other.walk.outcome),
+        **distances(other.walk),
+        "of_distance": other.walk.forward / forward if forward else None,
+        "passed": passed,
     }
 
 

@@ -61,6 +61,12 @@ class FinalistResult:
     """Counts and distances of its walks of tier T2."""
     servo: Mapping[str, Any] | None = None
     """Counts and distances of its walks of tier T3."""
+    other_sole: Mapping[str, Any] | None = None
+    """Outcome and numbers of its walk on the other sole, for tier T4, and whether it passes."""
+    other_engine: Mapping[str, Any] | None = None
+    """The same in the other engine; None where that is not installed."""
+    mean: bool = False
+    """Whether it is a mean of neighbours, which the search never walked."""
     slipping: bool | None = None
     """Whether it advances by sliding; None where that was not measured."""
     reference: Mapping[str, Any] | None = None

@@ -169,6 +169,7 @@ def finalists(result: Mapping[str, Any], *, dropped: bool = False) -> Table | No
     for entry in found:
         finer = entry.get("reference") or {}
         of, converged, servo = entry["of"], entry.get("converged"), entry.get("servo")
+        elsewhere = [_elsewhere(entry, name) for name in ("other_sole", "other_engine")]
         rows.append([
             str(entry["walk"]),
             number(entry["forward_mm"], 1), number(entry["median_mm"], 1),
@@ -176,12 +177,14 @@ def finalists(result: Mapping[str, Any], *, dropped: bool = False) -> Table | No
             f"{entry['survived']} of {of}", f"{entry['feasible']} of {of}",
             _tier(entry), number(converged and converged["median_mm"], 1),
             _share(converged, "feasible"), _share(servo, "survived"), _share(servo, "feasible"),
+            *elsewhere,
             str(finer.get("outcome", "–")), number(finer.get("forward_mm"), 1),
             number(finer.get("lateral_mm"), 1), number(finer.get("yaw_deg"), 1),
             "–" if finer.get("feasible") is None else "yes" if finer["feasible"] else "no",
         ])  # fmt: skip
     columns = ["walk", "Z alone [mm]", "median Z [mm]", "worst Z [mm]", "on its feet", "feasible",
                "tier", "T2: median Z [mm]", "T2: feasible", "T3: on its feet", "T3: feasible",
+               "T4: other sole", "T4: other engine",
                "finer, alone: it", "Z [mm]", "X [mm]", "R [deg]", "feasible there"]  # fmt: skip
     if dropped:  # None of these was walked any finer.
         return Table(
@@ -192,7 +195,8 @@ def finalists(result: Mapping[str, Any], *, dropped: bool = False) -> Table | No
         )
     return Table(
         caption="The finalists, walked again: with noise on every coefficient and other friction "
-        "(T1), with fresh noise and finer (T2), with other servos and masses (T3)",
+        "(T1), with fresh noise and finer (T2), with other servos and masses (T3), "
+        "on the other sole and in the other engine (T4: part of the distance at the reference)",
         columns=columns,
         rows=rows,
         marked=_place_of_winner(found, result),
@@ -204,6 +208,18 @@ def _tier(entry: Mapping[str, Any]) -> str:
     if "tier" in entry:
         return f"T{entry['tier']}"
     return f"T{int(entry['robust'])}" if "robust" in entry else "–"
+
+
+def _elsewhere(entry: Mapping[str, Any], name: str) -> str:
+    """Return how far a finalist walked on another sole or in another engine, and if it passed."""
+    other = entry.get(name)
+    if other is None:
+        tested = name == "other_engine" and entry.get("other_sole") is not None
+        return "not installed" if tested else "–"
+    if other["outcome"] != "walked":
+        return str(other["outcome"])
+    told = f"{number(other['of_distance'] and 100.0 * other['of_distance'], 0)} %"
+    return told if other["passed"] else f"{told}, fails"
 
 
 def _share(counts: Mapping[str, Any] | None, key: str) -> str:

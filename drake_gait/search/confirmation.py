@@ -3,24 +3,32 @@
 A single walk says little: a twentieth of a degree may turn it by degrees. Candidates are walked
 with noise on every coefficient, and friction that is lower and higher in turn. Those that repeat
 are walked with fresh noise at reference fidelity. Fresh, because whoever is chosen for its luck has
-none left. One that fails too often is dropped at once. The winner is walked with other servos.
+none left. One that fails too often is dropped at once. The winner is walked with other servos, on
+the other sole, and in the other engine.
 
 What is walked next is what the search recommends, by chance times gain, and not its luckiest walk.
 """
 
-from collections import deque
+import math
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from importlib.util import find_spec
+from typing import Any
 
 import numpy as np
 
-from drake_gait.gait import JOINTS
-from drake_gait.problem import Trial
+from drake_gait.errors import ModelError, SettingsError
+from drake_gait.gait import FRAME_TIME, JOINTS
+from drake_gait.problem import Candidate, Trial
 from drake_gait.search.grounds import end_of, on_ground
-from drake_gait.search.recommendation import Adviser
+from drake_gait.search.recommendation import Adviser, Recommended
 from drake_gait.search.runner import Planned, Runner, perturbed
 from drake_gait.search.seeding import Purpose, generator
+from drake_gait.sole import Sole
 from drake_gait.study.finalists import (
+    OTHER_ENGINE,
+    OTHER_SOLE,
     REFERENCE,
     TESTS,
     Finalist,
@@ -31,8 +39,9 @@ from drake_gait.study.finalists import (
 )
 from drake_gait.study.ranking import Sample
 from drake_gait.study.records import CONFIRMATION, CONFIRMATIONS, StudyWalk
+from drake_gait.study.search_settings import MOST_SIMULATIONS
 from drake_gait.study.settings import StudySettings
-from drake_gait.walk import Disturbance, Fidelity, WalkSettings
+from drake_gait.walk import Disturbance, Fidelity, Integrator, Walk, WalkSettings
 
 __all__ = ["Finalist", "Tier", "confirm", "finalists", "walked_as", "winner"]
 
@@ -41,6 +50,8 @@ _IN_FLIGHT = 6
 
 The number is not that of the workers, so that any number of them makes the same walks.
 """
+_AT_ONCE = 32
+"""Walks under way at once, those that decide nothing included."""
 _LOOKED_AT = 12
 """Feasible walks, the best first, that are looked at for one that does not slip."""
 _BELIEF = 2.0
@@ -48,29 +59,90 @@ _BELIEF = 2.0
 _WORTH = 0.01
 """Gain to expect, in parts of what is trusted, that a candidate is still walked for."""
 
-_JOINT_ZERO = np.radians(0.5)
-_STIFFNESS, _VOLTAGE, _MASS = 0.1, 0.1, 0.03
-"""Largest changes of a walk with other servos, drawn evenly: angle [rad], and parts."""
+_MOST_MEANS = 100
+"""Means of neighbours that a search may recommend."""
+_MEANS = MOST_SIMULATIONS
+"""Numbers of candidates are less; those of means begin here, `_MOST_MEANS` for each budget."""
+_ELSEWHERE = 1_000_000_000
+"""Beyond all numbers; added to that of a candidate for the ids of walks elsewhere."""
+
+_OTHER_SOLES = {Sole.AREA: Sole.POINTS, Sole.POINTS: Sole.AREA, Sole.BOXES: Sole.POINTS}
+_OTHER_ENGINES = {"drake": "mujoco", "mujoco": "drake"}
+"""Engines by their names, which are those of their libraries but for Drake's."""
 
 
 def confirm(settings: StudySettings, runner: Runner, samples: Sequence[Sample]) -> None:
     """Walk the best candidates of a finished search again.
 
-    The same walks give the same confirmation: one that was interrupted goes on.
+    The same walks give the same confirmation: one that was interrupted goes on. Workers have always
+    something to walk: first come the walks that are made whatever the race finds, and they fill in
+    where the race waits for an answer.
     """
     if settings.confirmation.walks == 0:
         return
-    race = _Race(settings, runner, samples)
-    race.run()
-    runner.start(race.listed_walks())
-    runner.finish()
-    runner.start(race.servo_walks())
-    runner.finish()
+    race, window = _Race(settings, runner, samples), _Window(runner)
+    spare = deque(race.certain_walks())
+    deciding: list[Planned] | None = None
+    trusted = False
+    while True:
+        while spare and len(window) < _AT_ONCE:
+            window.begin(spare.popleft())
+        if race.under_way < _IN_FLIGHT and (following := race.begin()) is not None:
+            window.begin(following, race.hear)
+        elif race.under_way:
+            window.hear()
+        elif deciding is None:
+            deciding = list(race.missing_walks())
+            spare.extendleft(reversed(deciding))
+            spare.extend(race.listed_walks())
+        elif not trusted and all(one.id in runner.walks for one in deciding):
+            trusted = True
+            spare.extendleft(reversed([*race.winner_s_walks()]))
+        elif len(window):
+            window.hear()
+        elif not spare:
+            return
+
+
+class _Window:
+    """Walks under way, each of which is heard of in the order in which they were begun."""
+
+    def __init__(self, runner: Runner) -> None:
+        self._runner = runner
+        self._begun: dict[int, Callable[[], StudyWalk]] = {}
+        self._waiting: deque[tuple[Planned, Callable[[StudyWalk], None] | None]] = deque()
+
+    def __len__(self) -> int:
+        return len(self._waiting)
+
+    def begin(self, plan: Planned, hear: Callable[[StudyWalk], None] | None = None) -> None:
+        """Begin a walk, unless it has begun; `hear` is told of it when its turn has come."""
+        begun = plan.id in self._begun
+        if not begun:
+            self._begun[plan.id] = self._runner.begin(plan)
+        if not begun or hear is not None:
+            self._waiting.append((plan, hear))
+
+    def hear(self) -> None:
+        """Wait for the walk that was begun first."""
+        plan, hear = self._waiting.popleft()
+        try:
+            walk = self._begun[plan.id]()
+        except (ModelError, SettingsError):
+            if plan.variation != OTHER_ENGINE:
+                raise
+            return  # The other engine cannot have this robot or sole: nothing is told of it.
+        if hear is not None:
+            hear(walk)
 
 
 def walked_as(settings: StudySettings, walk: StudyWalk) -> WalkSettings:
-    """Return how any walk of a study was simulated, its ground, fidelity and servos included."""
-    return _simulated_as(settings, settings.walk, walk)
+    """Return how any walk of a study was simulated, its ground, fidelity and servos included.
+
+    Raises:
+        SettingsError: a user's own change was made, and the settings know it by its name only.
+    """
+    return _simulated_as(settings, settings.walk, walk, walk.candidate).settings
 
 
 def other_servo(
@@ -79,36 +151,123 @@ def other_servo(
     """Return how a walk is simulated with other servos, supply, joint zeros and masses.
 
     Args:
-        settings: Fix the changes by their seed.
+        settings: Say how much ([confirmation]), and fix the changes by their seed.
         walk: How it is simulated without them.
         nominal: Id of the walk of the candidate as it is.
-        number: The variation's number.
+        number: The variation's number, whose tier says what is changed.
     """
+    plan = settings.confirmation
+    made = plan.changes(tier_of(plan, number))
+    most = {name: getattr(plan, name) if name in made else 0.0 for name in _OF_THE_ROBOT}
+    if not any(most.values()):
+        return walk
+    # In the order of `_OF_THE_ROBOT`, all of them: none moves the numbers of another.
     rng = generator(settings.seed, Purpose.SERVO, nominal, number)
-    zeros = rng.uniform(-_JOINT_ZERO, _JOINT_ZERO, len(JOINTS))
-    stiffness, voltage, mass = 1.0 + rng.uniform(-1.0, 1.0, 3) * (_STIFFNESS, _VOLTAGE, _MASS)
+    zeros = rng.uniform(-most["joint_zero"], most["joint_zero"], len(JOINTS))
+    evenly = ("servo_stiffness", "supply_voltage", "mass")
+    stiffness, voltage, mass = 1.0 + rng.uniform(-1.0, 1.0, 3) * [most[name] for name in evenly]
+    late, finer = rng.uniform(0.0, 1.0, 2) * [most["command_delay"], most["integrator_step"]]
     servo = replace(
         walk.servo,
         stiffness=float(stiffness * walk.servo.stiffness),
         no_load_speed=float(voltage * walk.servo.no_load_speed),
     )
     disturbance = Disturbance(
-        joint_zeros=tuple(zeros.tolist()), voltage=float(voltage), mass=float(mass)
+        joint_zeros=tuple(zeros.tolist()),
+        voltage=float(voltage),
+        mass=float(mass),
+        delay=float(late),
     )
-    return replace(walk, servo=servo, disturbance=disturbance)
+    how = replace(walk, servo=servo, disturbance=disturbance)
+    return replace(how, integrator=_finer(how.stepping, float(finer))) if finer else how
 
 
-def _simulated_as(settings: StudySettings, how: WalkSettings, walk: StudyWalk) -> WalkSettings:
-    """Return how a walk of a study is simulated, from how those of its search are."""
+_OF_THE_ROBOT = (
+    "joint_zero",
+    "servo_stiffness",
+    "supply_voltage",
+    "mass",
+    "command_delay",
+    "integrator_step",
+)
+"""Changes that are drawn, in the order in which they are."""
+
+
+def _finer(stepping: Integrator, part: float) -> Integrator:
+    """Return an integrator whose steps are shorter by a part, and its errors smaller likewise."""
+    shorter = (1.0 - part) * stepping.step
+    accuracy = stepping.accuracy and (1.0 - part) * stepping.accuracy
+    # Equal steps in a frame, as WalkSettings.stepping has them.
+    step = FRAME_TIME / math.ceil(FRAME_TIME / shorter - 1e-9)
+    return replace(stepping, step=step, accuracy=accuracy)
+
+
+def _simulated_as(
+    settings: StudySettings, how: WalkSettings, walk: StudyWalk, candidate: Candidate
+) -> Trial:
+    """Return what a walk of a study simulates, from how those of its search are simulated.
+
+    Args:
+        settings: The study.
+        how: How the walks of its search are simulated on their own ground.
+        walk: Its id, its variation and what it is a variation of.
+        candidate: Its candidate, before changes of a user's own.
+    """
     how = on_ground(how, settings, end_of(settings, walk))
     if walk.is_search_walk or walk.nominal is None:
-        return how
-    tier = tier_of(settings.confirmation, walk.variation)
+        return Trial(candidate=candidate, settings=how)
+    plan = settings.confirmation
+    tier = tier_of(plan, walk.variation)
     if walk.variation == REFERENCE or tier >= Tier.CONVERGED:
         how = replace(how, fidelity=Fidelity.REFERENCE)
-    if tier is Tier.SERVO:
-        how = other_servo(settings, how, walk.nominal, walk.variation)
-    return how
+    if walk.variation == OTHER_SOLE:
+        how = replace(how, sole=_OTHER_SOLES[how.sole], contact=None)
+    if walk.variation == OTHER_ENGINE:
+        how = _in_other_engine(how)
+    trial = Trial(
+        candidate=candidate, settings=other_servo(settings, how, walk.nominal, walk.variation)
+    )
+    for place, change in enumerate(plan.own):
+        if change in plan.own_changes(tier):
+            address = (walk.nominal, walk.variation, place)
+            trial = change(trial, generator(settings.seed, Purpose.OWN_CHANGE, *address))
+    return trial
+
+
+def _in_other_engine(how: WalkSettings) -> WalkSettings:
+    """Return how a walk is simulated in the other engine.
+
+    Raises:
+        SettingsError: there is one engine only, or the other one cannot walk so.
+    """
+    engine = getattr(how, "engine", None)
+    if engine is None:
+        raise SettingsError("walks are simulated by Drake alone")
+    other: dict[str, Any] = {"engine": _OTHER_ENGINES[str(engine)]}
+    return replace(how, **other)
+
+
+def other_engine_installed(how: WalkSettings) -> bool:
+    """Return whether walks of a study can be walked in the other engine too."""
+    try:
+        other = _in_other_engine(replace(how, fidelity=Fidelity.REFERENCE))
+    except SettingsError:
+        return False
+    return str(getattr(other, "engine", "")) != "mujoco" or find_spec("mujoco") is not None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Entrant:
+    """A candidate that may be walked again."""
+
+    number: int
+    """That of its sample; those of means are beyond all samples."""
+    candidate: Candidate
+    """What is walked."""
+    iteration: int
+    """That of its sample, or of the one whose neighbourhood it is the mean of."""
+    own: int | None
+    """Id of its walk in the search; None of a mean, whose own walk the confirmation makes."""
 
 
 @dataclass(kw_only=True, eq=False)
@@ -128,60 +287,89 @@ class _Race:
 
     def __init__(self, settings: StudySettings, runner: Runner, samples: Sequence[Sample]) -> None:
         self._settings, self._plan = settings, settings.confirmation
-        self._runner = runner
+        self._runner, self._searched = runner, samples
         ranked = sorted(samples, key=lambda one: one.rank)
-        self._field = [one for one in ranked if one.assessment.feasible]
-        self._samples = {one.number: one for one in self._field}
-        self._adviser = Adviser(settings, samples) if self._field else None
-        self._tests = {tier: {number: _Test() for number in self._samples} for tier in self._tiers}
+        self._field = [_entrant_of(one) for one in ranked if one.assessment.feasible]
+        self._entrants = {one.number: one for one in self._field}
+        self._adviser: Adviser | None = None
+        self._numbers_of_means: dict[bytes, int] = {}
+        self._tests: dict[tuple[int, Tier], _Test] = defaultdict(_Test)
+        self._used = {False: 0, True: 0}  # Walks begun, at reference fidelity or not.
         self._answers: list[StudyWalk] = []
+        self.under_way = 0
+        """Walks of the race that were begun, and not heard of yet."""
 
     @property
     def _tiers(self) -> tuple[Tier, ...]:
         return TESTS if self._plan.reference_walks else TESTS[:1]
 
-    def run(self) -> None:
-        """Walk until no candidate is worth another walk.
+    def begin(self) -> Planned | None:
+        """Return the walk that the race asks for next; None if it has nothing to ask for yet.
 
-        Answers are heard in the order in which they were asked for, however they come in.
+        It may ask again once it has heard of another walk.
         """
-        under_way: deque[tuple[int, Tier, Callable[[], StudyWalk]]] = deque()
-        while True:
-            following = self._following()
-            if following is not None:
-                number, tier = following
-                planned = self._planned(self._samples[number], self._begun(number, tier))
-                under_way.append((number, tier, self._runner.begin(planned)))
-            if under_way and (following is None or len(under_way) == _IN_FLIGHT):
-                number, tier, wait = under_way.popleft()
-                self._note(number, tier, wait())
-            elif following is None:
-                return
+        following = self._following()
+        if following is None:
+            return None
+        number, tier = following
+        test = self._tests[number, tier]
+        test.begun += 1
+        self._used[tier is Tier.CONVERGED] += 1
+        self.under_way += 1
+        variation = 0 if tier is Tier.FOUND else tier.variations(self._plan)[test.begun - 1]
+        return self._planned(self._entrants[number], variation)
 
-    def listed_walks(self) -> Iterator[Planned]:
-        """Yield all that is reported of the best single walk and of each that holds."""
-        reached = self._reached(self._tiers[-1]) or self._reached(self._tiers[0])
-        listed = dict.fromkeys([*reached, *(one.number for one in self._field[:1])])
-        for number in listed:
-            one = self._samples[number]
+    def hear(self, walk: StudyWalk) -> None:
+        """Count a walk that the race has asked for; they come in the order of asking."""
+        own = walk.id if walk.nominal is None else walk.nominal
+        number = next(one.number for one in self._entrants.values() if self._own_id(one) == own)
+        test = self._tests[number, tier_of(self._plan, walk.variation)]
+        test.known.append(walk)
+        test.held += self._settings.assess(walk.walk).feasible
+        self._answers.append(walk)
+        self.under_way -= 1
+
+    def certain_walks(self) -> Iterator[Planned]:
+        """Yield what is reported of the best single walks, whatever the race finds."""
+        for one in self._field[:_LOOKED_AT]:
+            yield self._planned(one, 0)
+        for one in self._field[:1]:
+            yield self._planned(one, REFERENCE)
+            for variation in Tier.REPEATS.variations(self._plan):
+                yield self._planned(one, variation)
+
+    def missing_walks(self) -> Iterator[Planned]:
+        """Yield the walks that complete the tests of those that have enough feasible ones."""
+        for number in self._listed():
             for tier in self._tiers:
                 if tier is Tier.REPEATS or number in self._reached(tier):
                     for variation in tier.variations(self._plan):
-                        yield self._planned(one, variation)
-            yield self._planned(one, REFERENCE)
-        measured = dict.fromkeys([*listed, *(one.number for one in self._field[:_LOOKED_AT])])
-        for number in measured:
-            yield self._planned(self._samples[number], 0)
+                        yield self._planned(self._entrants[number], variation)
 
-    def servo_walks(self) -> Iterator[Planned]:
-        """Yield the walks of the winner with other servos, if it converges."""
+    def listed_walks(self) -> Iterator[Planned]:
+        """Yield what else is reported of each that holds."""
+        for number in self._listed():
+            yield self._planned(self._entrants[number], REFERENCE)
+            yield self._planned(self._entrants[number], 0)
+
+    def winner_s_walks(self) -> Iterator[Planned]:
+        """Yield the walks of the winner with other servos and elsewhere, if it converges."""
         found = winner(self._settings, list(self._runner.walks.values()))
         if found is None or found.tier < Tier.CONVERGED:
             return
-        own = [one for one in self._field if one.walks[0].id == found.walk.id]
-        for one in own:
-            for variation in Tier.SERVO.variations(self._plan):
-                yield self._planned(one, variation)
+        for one in self._entrants.values():
+            if self._own_id(one) == found.walk.id:
+                for variation in Tier.SERVO.variations(self._plan):
+                    yield self._planned(one, variation)
+                if self._plan.transfer:
+                    yield self._planned(one, OTHER_SOLE)
+                    if other_engine_installed(self._settings.walk):
+                        yield self._planned(one, OTHER_ENGINE)
+
+    def _listed(self) -> list[int]:
+        """Return the numbers of those that hold, and of the best single walk."""
+        reached = self._reached(self._tiers[-1]) or self._reached(self._tiers[0])
+        return list(dict.fromkeys([*reached, *(one.number for one in self._field[:1])]))
 
     def _following(self) -> tuple[int, Tier] | None:
         """Return the candidate to walk next, and in which tier; None if there is nothing to do."""
@@ -193,28 +381,57 @@ class _Race:
 
     def _promising(self) -> list[int]:
         """Return the candidates that are worth a walk, the most promising first."""
-        if self._adviser is None:
-            return []
         last = self._tiers[-1]
-        trusted = [self._gain(one) for one in self._samples if self._has_passed(one, last)]
+        trusted = [self._gain(one) for one in self._entrants if self._has_passed(one, last)]
         beyond = max([0.0, *trusted])
         enough = len(trusted) >= self._plan.winners
         promises = {}
-        for one in self._adviser.recommended(self._answers):
-            # Means have no walk of their own, whose id would be theirs for good.
-            if one.number is None or self._tier_under_test(one.number) is None:
+        for one in self._recommended():
+            number = self._number(one)
+            if number is None or self._tier_under_test(number) is None:
                 continue
-            chance, gain = self._chance(one.number, one.chance), self._gain(one.number, one.gain)
+            chance, gain = self._chance(number, one.chance), self._gain(number, one.gain)
             # With too few that hold, those that promise less are still wanted, after the others.
             promise = chance * (gain - beyond)
             if enough and promise <= _WORTH * beyond:
                 continue
-            promises[one.number] = (promise <= 0.0, -promise if promise > 0.0 else -chance * gain)
+            promises[number] = (promise <= 0.0, -promise if promise > 0.0 else -chance * gain)
         return sorted(promises, key=lambda number: (promises[number], number))
+
+    def _recommended(self) -> list[Recommended]:
+        """Return what the search recommends, all that was heard of considered."""
+        if not self._field:
+            return []
+        if self._adviser is None:
+            self._adviser = Adviser(self._settings, self._searched)
+            if self._plan.means:
+                self._enter_means(self._adviser.recommended())
+        return self._adviser.recommended(self._answers)
+
+    def _enter_means(self, recommended: Sequence[Recommended]) -> None:
+        """Give means their numbers: by the size of the search and their place in its advice."""
+        first = _MEANS + _MOST_MEANS * len(self._searched)
+        means = [one for one in recommended if one.number is None][:_MOST_MEANS]
+        for number, one in enumerate(means, start=first):
+            self._numbers_of_means[one.x.tobytes()] = number
+            nearest = self._entrants[one.nearest]
+            entrant = _Entrant(
+                number=number, candidate=one.candidate, iteration=nearest.iteration, own=None
+            )
+            # One that was begun with another library's last digits goes on as it was begun.
+            known = self._runner.walks.get(self._own_id(entrant))
+            candidate = one.candidate if known is None else known.candidate
+            self._entrants[number] = replace(entrant, candidate=candidate)
+
+    def _number(self, one: Recommended) -> int | None:
+        """Return the number of a recommended candidate; None of a mean that is not wanted."""
+        if one.number is not None:
+            return one.number
+        return self._numbers_of_means.get(one.x.tobytes())
 
     def _chance(self, number: int, chance: float) -> float:
         """Return the chance that a candidate's next walk holds: what is said, and what was seen."""
-        own = [self._tests[tier][number] for tier in self._tiers]
+        own = [self._tests[number, tier] for tier in (Tier.FOUND, *self._tiers)]
         known, held = sum(len(one.known) for one in own), sum(one.held for one in own)
         return (_BELIEF * chance + held) / (_BELIEF + known)
 
@@ -222,7 +439,7 @@ class _Race:
         """Return what a candidate gains: the median of the last test it has passed, if any."""
         for tier in reversed(self._tiers):
             if self._has_passed(number, tier):
-                known = self._tests[tier][number].known
+                known = self._tests[number, tier].known
                 return -float(
                     np.median([self._settings.assess(one.walk).objective for one in known])
                 )
@@ -230,6 +447,11 @@ class _Race:
 
     def _tier_under_test(self, number: int) -> Tier | None:
         """Return the tier that a candidate can still reach next; None if there is none."""
+        if self._entrants[number].own is None:  # A mean, which is walked as it is first.
+            if self._failures(number, Tier.FOUND):
+                return None
+            if not self._tests[number, Tier.FOUND].begun:
+                return Tier.FOUND
         for tier in self._tiers:
             if self._failures(number, tier) > self._bearable:
                 return None
@@ -239,14 +461,20 @@ class _Race:
 
     def _may_walk(self, number: int, tier: Tier) -> bool:
         """Return whether another walk of a candidate may begin: none is begun in vain."""
-        test = self._tests[tier][number]
-        budget = {
-            Tier.REPEATS: self._plan.walks, Tier.CONVERGED: self._plan.reference_walks
-        }[tier]  # fmt: skip
+        if not self._is_left(tier):
+            return False
+        if tier is Tier.FOUND:
+            return True
+        test = self._tests[number, tier]
         pending = test.begun - len(test.known)
-        left = sum(one.begun for one in self._tests[tier].values()) < budget
         may_fail = self._bearable + 1 - self._failures(number, tier)
-        return left and test.begun < self._plan.replicas and pending < may_fail
+        return test.begun < self._plan.replicas and pending < may_fail
+
+    def _is_left(self, tier: Tier) -> bool:
+        """Return whether the budget of a tier has a walk left; a mean's own is one of REPEATS."""
+        fine = tier is Tier.CONVERGED
+        budget = self._plan.reference_walks if fine else self._plan.walks
+        return self._used[fine] < budget
 
     @property
     def _bearable(self) -> int:
@@ -254,47 +482,41 @@ class _Race:
         return self._plan.replicas - self._plan.feasible
 
     def _failures(self, number: int, tier: Tier) -> int:
-        test = self._tests[tier][number]
+        test = self._tests[number, tier]
         return len(test.known) - test.held
 
     def _has_passed(self, number: int, tier: Tier) -> bool:
-        test = self._tests[tier][number]
+        test = self._tests[number, tier]
         return len(test.known) == self._plan.replicas and test.held >= self._plan.feasible
 
     def _reached(self, tier: Tier) -> list[int]:
         """Return the candidates with as many feasible walks of a tier as it takes."""
-        tests = self._tests[tier]
-        return [number for number in tests if tests[number].held >= self._plan.feasible]
+        return [
+            number
+            for number in self._entrants
+            if self._tests[number, tier].held >= self._plan.feasible
+        ]
 
-    def _begun(self, number: int, tier: Tier) -> int:
-        """Begin a candidate's next walk of a tier; return its variation."""
-        test = self._tests[tier][number]
-        test.begun += 1
-        return tier.variations(self._plan)[test.begun - 1]
-
-    def _note(self, number: int, tier: Tier, walk: StudyWalk) -> None:
-        test = self._tests[tier][number]
-        test.known.append(walk)
-        test.held += self._settings.assess(walk.walk).feasible
-        self._answers.append(walk)
-
-    def _planned(self, one: Sample, variation: int) -> Planned:
-        nominal, settings = one.walks[0], self._settings
-        trial = Trial(candidate=nominal.candidate, settings=settings.trial_settings)
-        if tier_of(self._plan, variation) in TESTS:
+    def _planned(self, one: _Entrant, variation: int) -> Planned:
+        settings, plan, nominal = self._settings, self._plan, self._own_id(one)
+        is_own = one.own is None and variation == 0
+        tier, candidate = tier_of(plan, variation), one.candidate
+        if tier and "noise" in plan.changes(tier):
             # Other noise than that of the search's own replicas.
             other = variation + settings.search.replicas - 1
-            trial = perturbed(trial, settings, nominal.id, other)
+            trial = Trial(candidate=candidate, settings=settings.trial_settings)
+            candidate = perturbed(trial, settings, nominal, other).candidate
         walk = StudyWalk(
             id=self._id(one, variation),
             stage=CONFIRMATION,
-            iteration=nominal.iteration,
-            nominal=nominal.id,
+            iteration=one.iteration,
+            nominal=None if is_own else nominal,
             variation=variation,
-            candidate=trial.candidate,
-            walk=nominal.walk,
+            candidate=candidate,
+            walk=Walk.diverged("not walked yet"),
         )
-        how = _simulated_as(settings, settings.trial_settings, walk)
+        trial = _simulated_as(settings, settings.trial_settings, walk, candidate)
+        how = trial.settings
         return Planned(
             id=walk.id,
             stage=walk.stage,
@@ -304,8 +526,24 @@ class _Race:
             variation=variation,
         )
 
-    def _id(self, one: Sample, variation: int) -> int:
+    def _own_id(self, one: _Entrant) -> int:
+        """Return the id of a candidate's own walk, which all others are variations of."""
+        return self._id(one, 0) if one.own is None else one.own
+
+    def _id(self, one: _Entrant, variation: int) -> int:
         """A walk's id, the same whatever else is confirmed: with room for every variation."""
         last = Tier.SERVO if self._plan.reference_walks else Tier.REPEATS
         room = last.variations(self._plan).stop + 1
+        if variation < REFERENCE:
+            return CONFIRMATIONS + (_ELSEWHERE + one.number) * room + OTHER_SOLE - variation
         return CONFIRMATIONS + one.number * room + variation - REFERENCE
+
+
+def _entrant_of(one: Sample) -> _Entrant:
+    nominal = one.walks[0]
+    return _Entrant(
+        number=one.number,
+        candidate=nominal.candidate,
+        iteration=nominal.iteration,
+        own=nominal.id,
+    )

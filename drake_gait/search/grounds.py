@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from drake_gait.gait import FloatArray
-from drake_gait.study.finalists import Tier, tier_of
+from drake_gait.study.finalists import tier_of
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
 from drake_gait.surrogates.ensemble import Network, Prediction
@@ -48,9 +48,10 @@ def end_of_proposal(settings: StudySettings, iteration: int, id_: int) -> float:
 
 def end_of(settings: StudySettings, walk: StudyWalk) -> float:
     """Return the ground of any walk of a study."""
-    servo = tier_of(settings.confirmation, walk.variation) is Tier.SERVO
-    if servo and not walk.is_search_walk:
-        return BETWEEN
+    if not walk.is_search_walk:
+        tier = tier_of(settings.confirmation, walk.variation)
+        if walk.is_mean or (tier and "friction" not in settings.confirmation.changes(tier)):
+            return BETWEEN
     if walk.variation > 0:
         return end_of_variation(walk.variation + _before(settings, walk))
     if walk.variation < 0:

@@ -22,6 +22,8 @@ class Purpose(IntEnum):
     """Trials of ISADE of which a network walks the best."""
     SERVO = 7
     """Servos and masses of a walk that the winner is walked again with."""
+    OWN_CHANGE = 13
+    """A user's own changes of a walk that confirms another one."""
     GRID_NOISE = 11
     """Noise on the coefficients of the walks of a grid of feet."""
     TRUST = 12

@@ -12,7 +12,8 @@ from drake_gait.gait import FRAME_TIME, FRAMES, JOINTS, FloatArray
 def desired_state(commands: FloatArray, time: float) -> FloatArray:
     """Desired angles [rad], then rates [rad/s], at `time` [s]: shape (20,).
 
-    Angles are linear between the frames of `commands`, shape (n, 10), and held after the last one.
+    Angles are linear between the frames of `commands`, shape (n, 10), and held before the first and
+    after the last one.
     Rates are zero, because a servo is sent positions only (see `servo.Servo`).
     """
     return _between_frames(_with_rates(commands), time)
@@ -32,6 +33,7 @@ def _with_rates(commands: FloatArray) -> FloatArray:
 
 def _between_frames(states: FloatArray, time: float) -> FloatArray:
     """Rows of `states`, shape (n, k), interpolated at `time` [s]: shape (k,)."""
+    time = max(time, 0.0)  # Delayed commands begin later.
     frame = min(int(time / FRAME_TIME), len(states) - 2)
     progress = min(time / FRAME_TIME - frame, 1.0)
     start = states[frame]
@@ -64,7 +66,8 @@ class GaitSystem(LeafSystem):
         Args:
             context: The context of this system.
             commands: Joint angles [rad], shape (n, 10), one row a frame.
-            lead: How far ahead they are read [s], see `walk.Integrator.lead`.
+            lead: How far ahead they are read [s], see `walk.Integrator.lead`; less than 0 where
+                they are late.
         """
         value = AbstractValue.Make((_with_rates(np.asarray(commands, dtype=float)), lead))
         context.get_mutable_abstract_parameter(self._sent).SetFrom(value)

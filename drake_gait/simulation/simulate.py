@@ -224,7 +224,8 @@ def prepare(
     robot.plant.SetPositions(plant_context, positions)
     robot.scale_masses(plant_context, changed.mass)
     gait_context = robot.gait.GetMyMutableContextFromRoot(context)
-    robot.gait.set_commands(gait_context, _sent(commands, settings), lead=stepping.lead)
+    lead = stepping.lead - changed.delay
+    robot.gait.set_commands(gait_context, _sent(commands, settings), lead=lead)
     return robot, context
 
 

@@ -1,7 +1,7 @@
 """Finalists of a search and its winner, as the walks that confirm them have it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,8 @@ if TYPE_CHECKING:  # Settings may be read from an earlier study, whose winner is
 
 REFERENCE = -1
 """Variation number of a walk at reference fidelity."""
+OTHER_SOLE, OTHER_ENGINE = -2, -3
+"""Variation numbers of a walk at reference fidelity that is on another sole, or in MuJoCo."""
 _SLIPPING = 0.1
 """A walk that slips by more than this part of its distance is a shuffle."""
 
@@ -24,7 +26,8 @@ class Tier(IntEnum):
     """The degrees to which a candidate is to be trusted.
 
     The walks that test it are variations of its own walk, numbered through. From 1 on there are
-    `replicas` of REPEATS, as many of CONVERGED, then those of SERVO. Nobody fails SERVO.
+    `replicas` of REPEATS, as many of CONVERGED, then those of SERVO. Those of TRANSFERS are -2 and
+    -3. Nobody fails SERVO, and TRANSFERS takes CONVERGED and not SERVO.
     """
 
     FOUND = 0
@@ -35,9 +38,13 @@ class Tier(IntEnum):
     """It is so with fresh noise at reference fidelity."""
     SERVO = 3
     """It was walked with other servos, supply, joint zeros and masses."""
+    TRANSFERS = 4
+    """It walks as far on the other sole, and in the other engine."""
 
     def variations(self, plan: ConfirmationSettings) -> range:
         """Return the numbers of the variations that test it; none of FOUND."""
+        if self is Tier.TRANSFERS:
+            return range(OTHER_ENGINE, OTHER_SOLE + 1)
         first = 1 + plan.replicas * (self.value - 1)
         count = plan.servo_walks if self is Tier.SERVO else plan.replicas
         return range(first, first + count) if self else range(0)
@@ -49,7 +56,7 @@ TESTS = (Tier.REPEATS, Tier.CONVERGED)
 
 def tier_of(plan: ConfirmationSettings, variation: int) -> Tier:
     """Return the tier that a walk which confirms another one is a test of."""
-    tests = (Tier.REPEATS, Tier.CONVERGED, Tier.SERVO)
+    tests = (Tier.REPEATS, Tier.CONVERGED, Tier.SERVO, Tier.TRANSFERS)
     return next((one for one in tests if variation in one.variations(plan)), Tier.FOUND)
 
 
@@ -58,9 +65,9 @@ class Finalist:
     """A candidate with the walks that confirm it, or do not."""
 
     walk: StudyWalk
-    """The walk of the search."""
+    """The walk of the search; of a mean of neighbours the first walk of its confirmation."""
     tier: Tier
-    """The highest tier whose test it has passed: FOUND, REPEATS or CONVERGED."""
+    """The highest tier whose test it has passed; never SERVO, which nobody fails."""
     variations: tuple[StudyWalk, ...]
     """Its perturbed walks; fewer than planned where it was dropped."""
     feasible: int
@@ -79,6 +86,10 @@ class Finalist:
     """The same walk again, with its measures."""
     reference: StudyWalk | None
     """The candidate at reference fidelity, without noise."""
+    other_sole: StudyWalk | None = None
+    """The same on the other sole; none but of a winner."""
+    other_engine: StudyWalk | None = None
+    """The same in the other engine; none but of a winner, and where that is installed."""
 
     @property
     def robust(self) -> bool:
@@ -111,8 +122,24 @@ class Finalist:
 
     @property
     def tested(self) -> tuple[StudyWalk, ...]:
-        """The walks of the highest tier that it has reached."""
-        return ((self.walk,), self.variations, self.converged)[self.tier]
+        """The walks of the highest tier up to CONVERGED that it has reached."""
+        return ((self.walk,), self.variations, self.converged)[min(self.tier, Tier.CONVERGED)]
+
+    def transfers(self, other: StudyWalk | None, tolerance: float) -> bool | None:
+        """Return whether a walk elsewhere is upright and as far as that at reference fidelity.
+
+        Args:
+            other: The walk on the other sole, or in the other engine.
+            tolerance: Part of the distance that it may differ by.
+
+        Returns:
+            None where it was not walked.
+        """
+        if other is None or self.reference is None:
+            return None
+        forward = self.reference.walk.forward
+        near = abs(other.walk.forward - forward) <= tolerance * abs(forward)
+        return other.walk.survived and near
 
 
 def finalists(settings: "StudySettings", walks: Sequence[StudyWalk]) -> list[Finalist]:
@@ -122,7 +149,10 @@ def finalists(settings: "StudySettings", walks: Sequence[StudyWalk]) -> list[Fin
 
 
 def winner(settings: "StudySettings", walks: Sequence[StudyWalk]) -> Finalist | None:
-    """The best of the highest tier that was reached; None where no candidate repeats."""
+    """The best of the highest tier up to CONVERGED; None where no candidate repeats.
+
+    The tiers beyond are reported of it, and decide nothing.
+    """
     found = finalists(settings, walks)
     return found[0] if found and found[0].tier > Tier.FOUND else None
 
@@ -159,13 +189,19 @@ def _looked_at(settings: "StudySettings", walks: Sequence[StudyWalk]) -> list[Fi
     for walk in walks:
         if not walk.is_search_walk and walk.nominal is not None:
             own.setdefault(walk.nominal, {})[walk.variation] = walk
-    return [_finalist(settings, by_id[number], found) for number, found in own.items()]
+    # The walks of a mean may be known before its own: they are under way together.
+    return [
+        _finalist(settings, by_id[number], found)
+        for number, found in own.items()
+        if number in by_id
+    ]
 
 
 def _rank(settings: "StudySettings", finalist: Finalist) -> tuple[int, float, int]:
     """The highest tier first; then by the median of what the study wants."""
     objectives = [settings.assess(walk.walk).objective for walk in finalist.tested]
-    return -finalist.tier, float(np.median(objectives)), finalist.walk.id
+    reached = min(finalist.tier, Tier.CONVERGED)
+    return -reached, float(np.median(objectives)), finalist.walk.id
 
 
 def _finalist(settings: "StudySettings", nominal: StudyWalk, own: dict[int, StudyWalk]) -> Finalist:
@@ -183,7 +219,8 @@ def _finalist(settings: "StudySettings", nominal: StudyWalk, own: dict[int, Stud
         if feasible[test] < plan.feasible or tier != test - 1:
             break
         tier = test
-    return Finalist(
+    measured = nominal if nominal.walk.measures and nominal.is_mean else None
+    found = Finalist(
         walk=nominal,
         tier=tier,
         variations=tests[Tier.REPEATS],
@@ -193,6 +230,11 @@ def _finalist(settings: "StudySettings", nominal: StudyWalk, own: dict[int, Stud
         converged_feasible=feasible[Tier.CONVERGED],
         servo=tests[Tier.SERVO],
         servo_feasible=feasible[Tier.SERVO],
-        measured=own.get(0),
+        measured=own.get(0, measured),
         reference=own.get(REFERENCE),
+        other_sole=own.get(OTHER_SOLE),
+        other_engine=own.get(OTHER_ENGINE),
     )
+    elsewhere = (found.other_sole, found.other_engine)
+    transfers = all(found.transfers(one, plan.transfer_distance) for one in elsewhere)
+    return replace(found, tier=Tier.TRANSFERS) if tier is Tier.CONVERGED and transfers else found

@@ -10,13 +10,11 @@ from typing import Any
 
 from drake_gait.foot import N_MM_PER_DEG
 from drake_gait.gait import TERMS, WAVEFORMS
-from drake_gait.ranges import NONE, Unit
-from drake_gait.study.search_settings import SearchSettings
+from drake_gait.ranges import DEGREES, MS, NONE, Unit
+from drake_gait.study.search_settings import CHANGES, SearchSettings
 
-DEGREES = Unit(name="degrees", si=math.pi / 180.0)
 MM = Unit(name="mm", si=1e-3)
 N_MM_DEG = Unit(name="N·mm/deg", si=N_MM_PER_DEG)
-MS = Unit(name="ms", si=1e-3)
 N_M, JOULES, SECONDS = Unit(name="N·m"), Unit(name="J"), Unit(name="s")
 RAD_PER_S, N_M_PER_RAD = Unit(name="rad/s"), Unit(name="N·m/rad")
 N_M_S_PER_RAD = Unit(name="N·m·s/rad")
@@ -54,9 +52,14 @@ CONFIRMATION: Table = {
     "winners": ("winners", NONE),
     "replicas": ("replicas", NONE),
     "feasible": ("feasible", NONE),
-    "noise_deg": ("noise", DEGREES),
-    "friction": ("friction", NONE),
+    **{one.key: (name, one.written) for name, one in CHANGES.items()},
+    "tiers": ("tiers", NONE),
+    "means": ("means", NONE),
+    "transfer": ("transfer", NONE),
+    "transfer_distance": ("transfer_distance", NONE),
 }
+MEASURED_CONFIRMATION = (*(one.key for one in CHANGES.values()), "transfer_distance")
+"""Keys of [confirmation] that are numbers with a range."""
 FOOT: Table = {
     "big_toe_stiffness_n_mm_per_deg": ("big_toe_stiffness", N_MM_DEG),
     "lesser_toes_stiffness_n_mm_per_deg": ("lesser_toes_stiffness", N_MM_DEG),
@@ -86,8 +89,17 @@ KEYS = {
 """Every section of a study's file, and its keys."""
 
 OLDER = {
+    "confirmation.command_delay": 0.0,
+    "confirmation.integrator_step": 0.0,
+    "confirmation.joint_zero": math.radians(0.5),
+    "confirmation.mass": 0.03,
+    "confirmation.means": False,
     "confirmation.reference_walks": 0,
+    "confirmation.servo_stiffness": 0.1,
     "confirmation.servo_walks": 0,
+    "confirmation.supply_voltage": 0.1,
+    "confirmation.transfer": False,
+    "confirmation.transfer_distance": 0.1,
     "gait.start": "paper",
     "search.grounds": False,
     "search.risk": "chance",
@@ -156,6 +168,9 @@ def _text(value: Any, unit: Unit, digits: int) -> str:
         return f"[{', '.join(_text(one, unit, digits) for one in value)}]"
     if isinstance(value, float):
         return f"{value / unit.si:.{digits}g}"
+    if isinstance(value, Mapping):
+        inner = ", ".join(f"{key} = {_text(one, unit, digits)}" for key, one in value.items())
+        return f"{{{inner}}}"
     if value is None:
         return "none"
     return str(value).lower() if isinstance(value, bool) else str(value)

@@ -35,7 +35,16 @@ from drake_gait.study._toml import (
     told_as_written,
 )
 from drake_gait.study.centre import resolve_centre, whole_path
-from drake_gait.study.keys import BOX, CONFIRMATION, CONSTRAINTS, FOOT, KEYS, SERVO, WALK
+from drake_gait.study.keys import (
+    BOX,
+    CONFIRMATION,
+    CONSTRAINTS,
+    FOOT,
+    KEYS,
+    MEASURED_CONFIRMATION,
+    SERVO,
+    WALK,
+)
 from drake_gait.study.search_settings import ConfirmationSettings, SearchSettings
 from drake_gait.study.settings import FRICTION, Source, StudySettings, study_settings
 from drake_gait.walk import Engine, Fidelity, WalkSettings
@@ -198,7 +207,7 @@ def _foot(values: Mapping[str, Any]) -> FootDesign:
 
 
 def _confirmation(values: Mapping[str, Any]) -> ConfirmationSettings:
-    measured = {key: values[key] for key in ("noise_deg", "friction") if key in values}
+    measured = {key: values[key] for key in MEASURED_CONFIRMATION if key in values}
     counts = {key: value for key, value in values.items() if key not in measured}
     given = {"confirmation": measured}
     return made(ConfirmationSettings, "confirmation", given, CONFIRMATION, **counts)

@@ -70,7 +70,7 @@ class StudyWalk:
     nominal: int | None = None
     """The walk that it is a variation of."""
     variation: int = 0
-    """Which variation: 0 as it is, 1 and up perturbed, -1 at reference fidelity.
+    """Which variation: 0 as it is, 1 and up perturbed, -1 and below at reference fidelity.
 
     Those that confirm are numbered through the tiers, see `study.finalists.Tier`.
     """
@@ -91,7 +91,12 @@ class StudyWalk:
     @property
     def is_nominal(self) -> bool:
         """Whether its candidate walked as the search proposed it: no replica, no confirmation."""
-        return self.nominal is None
+        return self.nominal is None and self.is_search_walk
+
+    @property
+    def is_mean(self) -> bool:
+        """Whether its candidate is a mean of neighbours, which a confirmation walked first."""
+        return self.nominal is None and not self.is_search_walk
 
 
 def to_row(entry: StudyWalk) -> list[Any]:

@@ -1,13 +1,16 @@
 """How a study searches: by which procedure, with how many walks, and how it confirms its winner."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from typing import Any, TypeVar
 
 from drake_gait.errors import SettingsError
 from drake_gait.problem import Objective
-from drake_gait.ranges import Range, Unit, check
+from drake_gait.ranges import DEGREES, MS, RAD, Range, Unit, check
+from drake_gait.study.changes import Change, Varied, check_tier, own_changes
+from drake_gait.walk import MOST_DELAY
 
 
 class Mode(StrEnum):
@@ -107,13 +110,23 @@ class SearchSettings:
         return self.mode in (Mode.DEFAULT, Mode.ISADE_NETWORK, Mode.PAPER)
 
 
+def _varied(default: float, **declared: Any) -> Any:
+    """Return a number by which walks are changed, with all that is known of it."""
+    return field(default=default, metadata={_VARIED: Varied(**declared)})
+
+
+_VARIED = "varied"
+_HALF = Range(lower=0.0, upper=0.5)
+
+
 @dataclass(frozen=True, kw_only=True)
 class ConfirmationSettings:
     """How the best candidates of a search are walked again, tier by tier (study.finalists.Tier).
 
     `replicas` walks of a candidate are made with noise on every coefficient and friction that is
     lower and higher in turn, and as many with fresh noise at reference fidelity. In each tier
-    `feasible` of them must be feasible. The winner alone is walked with other servos and masses.
+    `feasible` of them must be feasible. The winner alone is walked with other servos and masses, on
+    the other sole, and in the other engine.
     """
 
     walks: int = 240
@@ -128,10 +141,61 @@ class ConfirmationSettings:
     """Perturbed walks of a candidate in each tier."""
     feasible: int = 7
     """Perturbed walks of a tier that must be feasible."""
-    noise: float = math.radians(0.05)
+    noise: float = _varied(
+        math.radians(0.05),
+        tier=1,
+        allowed=Range(lower=0.0, upper=0.1),
+        key="noise_deg",
+        unit=RAD,
+        written=DEGREES,
+    )
     """Standard deviation of the noise on every coefficient [rad]."""
-    friction: float = 0.1
+    friction: float = _varied(0.1, tier=1, allowed=_HALF, key="friction")
     """Part by which friction is lower or higher."""
+    joint_zero: float = _varied(
+        math.radians(0.5),
+        tier=3,
+        allowed=Range(lower=0.0, upper=0.1),
+        key="joint_zero_deg",
+        unit=RAD,
+        written=DEGREES,
+    )
+    """Largest error of a servo's zero, drawn evenly for each joint [rad]."""
+    servo_stiffness: float = _varied(0.1, tier=3, allowed=_HALF, key="servo_stiffness")
+    """Part by which the servos are softer or stiffer at most, drawn evenly."""
+    supply_voltage: float = _varied(0.1, tier=3, allowed=_HALF, key="supply_voltage")
+    """Part by which stall torque and no-load speed are lower or higher at most, drawn evenly."""
+    mass: float = _varied(0.03, tier=3, allowed=_HALF, key="mass")
+    """Part by which masses and inertias are lower or higher at most, drawn evenly."""
+    command_delay: float = _varied(
+        0.0,
+        tier=3,
+        allowed=Range(lower=0.0, upper=MOST_DELAY),
+        key="command_delay_ms",
+        unit=Unit(name="s"),
+        written=MS,
+    )
+    """Largest delay of all commands, drawn evenly [s].
+
+    0 by default: a gait knows no feedback, so an equal delay only shifts its walk in time.
+    """
+    integrator_step: float = _varied(
+        0.0, tier=3, allowed=Range(lower=0.0, upper=0.9), key="integrator_step"
+    )
+    """Part by which a step is shorter at most, drawn evenly; its error too, where it is controlled.
+
+    0 by default: tier 2 compares the search's step with that of the reference.
+    """
+    tiers: Mapping[str, int] = field(default_factory=dict, hash=False)
+    """Tiers of changes that are not to be in their own, by the names of these fields."""
+    own: tuple[Change, ...] = ()
+    """Changes of a user's own."""
+    means: bool = False
+    """Whether means of neighbours, which the search never walked, are candidates too."""
+    transfer: bool = True
+    """Whether the winner is walked on the other sole and in the other engine."""
+    transfer_distance: float = 0.1
+    """Part of its distance by which it may then be shorter or longer."""
 
     def __post_init__(self) -> None:
         _whole("confirmation.walks", self.walks, 0)
@@ -145,8 +209,59 @@ class ConfirmationSettings:
                 f"confirmation.feasible ({self.feasible}) must not exceed confirmation.replicas "
                 f"({self.replicas})"
             )
-        check("confirmation.noise", self.noise, Range(lower=0.0, upper=0.1), Unit(name="rad"))
-        check("confirmation.friction", self.friction, Range(lower=0.0, upper=0.5))
+        for name, varied in CHANGES.items():
+            check(f"confirmation.{name}", getattr(self, name), varied.allowed, varied.unit)
+        for name in ("means", "transfer"):
+            if not isinstance(getattr(self, name), bool):
+                raise SettingsError(
+                    f"confirmation.{name} must be true or false, got {getattr(self, name)!r}"
+                )
+        check("confirmation.transfer_distance", self.transfer_distance, _HALF)
+        if not isinstance(self.tiers, Mapping):
+            raise SettingsError(
+                f"confirmation.tiers must be a table like {{mass = 2}}, got {self.tiers!r}"
+            )
+        for name, tier in self.tiers.items():
+            if name not in CHANGES:
+                raise SettingsError(
+                    f"confirmation.tiers names '{name}'; there are {', '.join(CHANGES)}"
+                )
+            check_tier(f"confirmation.tiers.{name}", tier)
+        object.__setattr__(self, "own", own_changes(self.own, tuple(CHANGES)))
+
+    def changes(self, tier: int) -> tuple[str, ...]:
+        """Return the names of the package's changes that walks of a tier have."""
+        found = {name: self.tiers.get(name, varied.tier) for name, varied in CHANGES.items()}
+        return tuple(name for name, own in found.items() if _is_made(own, tier))
+
+    def own_changes(self, tier: int) -> tuple[Change, ...]:
+        """Return the changes of a user's own that walks of a tier have."""
+        return tuple(one for one in self.own if _is_made(one.tier, tier))
+
+    def plain(self) -> dict[str, Any]:
+        """Return what the constructor takes, as JSON has it: of own changes names and tiers.
+
+        What nobody has set, `tiers` and `own`, is left out, so that older studies are the same.
+        """
+        found = {one.name: getattr(self, one.name) for one in fields(self)}
+        found["tiers"] = dict(self.tiers)
+        found["own"] = [{"name": one.name, "tier": one.tier} for one in self.own]
+        return {name: value for name, value in found.items() if value or name not in _UNSET}
+
+
+CHANGES: Mapping[str, Varied] = {
+    one.name: one.metadata[_VARIED]
+    for one in fields(ConfirmationSettings)
+    if _VARIED in one.metadata
+}
+"""The package's changes by the names of their settings, in the order of their random numbers."""
+
+_UNSET = ("tiers", "own")
+
+
+def _is_made(own: int, tier: int) -> bool:
+    """Return whether a change of one tier is made in the walks of another."""
+    return own == tier or (own, tier) == (1, 2)
 
 
 _Enum = TypeVar("_Enum", bound=StrEnum)

@@ -117,7 +117,7 @@ class StudySettings:
         nested = {
             "study": {"name": self.name, "question": self.question, "seed": self.seed},
             "search": asdict(self.search),
-            "confirmation": asdict(self.confirmation),
+            "confirmation": self.confirmation.plain(),
             "box": {
                 "chosen": self.chosen,
                 "centre": self.space.centre.tolist(),

@@ -113,7 +113,7 @@ def test_finalists_are_listed_and_the_winner_is_marked():
     assert [row[0] for row in table.rows] == ["3", "7"]
     assert table.marked == 1
     assert list(table.rows[1]) == [
-        *("7", "300.0", "290.0", "0.0", "8 of 8", "7 of 8", "T1", "–", "–", "–", "–"),
+        *("7", "300.0", "290.0", "0.0", "8 of 8", "7 of 8", "T1", *("–",) * 6),
         *("walked", "288.0", "3.0", "−2.0", "yes"),
     ]
     dropped = report_tables.finalists(result, dropped=True)
@@ -133,6 +133,16 @@ def test_a_finalist_s_tiers_are_told_and_one_that_was_tried_finer_is_not_among_t
     assert list(first[6:11]) == ["T2", "281.0", "7 of 8", "15 of 16", "11 of 16"]
     assert list(second[6:11]) == ["T1", "281.0", "7 of 8", "–", "–"]
     assert report_tables.finalists(result, dropped=True) is None
+
+
+def test_walks_elsewhere_are_told_as_parts_of_the_distance():
+    sole = {"outcome": "walked", "of_distance": 0.934, "passed": True}
+    short = {**sole, "of_distance": 0.6, "passed": False}
+    fallen = {**short, "outcome": "fell"}
+    for engine, told in ((None, "not installed"), (short, "60 %, fails"), (fallen, "fell")):
+        entry = {**FINALIST, "other_sole": sole, "other_engine": engine}
+        (row,) = report_tables.finalists({"finalists": [entry], "winner": 7}).rows
+        assert list(row[11:13]) == ["93 %", told]
 
 
 def test_without_a_winner_none_is_marked_and_without_finalists_there_is_no_table():

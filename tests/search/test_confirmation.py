@@ -1,6 +1,7 @@
 """Candidates that are walked again tier by tier, on walks that are looked up, not simulated."""
 
 import dataclasses
+import heapq
 import time
 from concurrent.futures import ThreadPoolExecutor, as_completed
 
@@ -16,7 +17,10 @@ from drake_gait.report.tables import tiers
 from drake_gait.search.confirmation import confirm, other_servo, walked_as
 from drake_gait.search.grounds import BETWEEN, end_of, end_of_proposal, on_ground
 from drake_gait.search.runner import Runner, perturbed
+from drake_gait.sole import Sole
 from drake_gait.study.finalists import (
+    OTHER_ENGINE,
+    OTHER_SOLE,
     REFERENCE,
     TESTS,
     Tier,
@@ -68,6 +72,8 @@ class Track:
             for variation in Tier.SERVO.variations(settings.confirmation):
                 other = other_servo(settings, fine, id_, variation)
                 self.keep(nominal, number, variation, other)
+            elsewhere = dataclasses.replace(fine, sole=Sole.POINTS)
+            self.keep(nominal, number, OTHER_SOLE, elsewhere)
 
     def keep(self, trial, number, variation, settings=None):
         settings = settings or trial.settings
@@ -443,8 +449,8 @@ def test_variations_differ_from_the_replicas_of_the_search(raced, entry):
     nominal = Trial(candidate=entry.candidate, settings=settings.walk)
     own = {perturbed(nominal, settings, 0, variation) for variation in (1, 2)}
     asked, _ = confirmed_alone(settings, entry)
-    # Eight variations in each of two tiers, sixteen servos, a reference, measures.
-    assert len(set(asked)) == len(asked) == 34
+    # Eight variations in each of two tiers, sixteen servos, a reference, measures, another sole.
+    assert len(set(asked)) == len(asked) == 35
     assert not own & set(asked)
 
 
@@ -454,7 +460,7 @@ def test_how_a_walk_was_simulated_is_known_from_the_study(raced, entry, replicas
     search = dataclasses.replace(raced.search, samples=6, simulations=6, replicas=replicas)
     settings = dataclasses.replace(raced, search=search)
     asked, walks = confirmed_alone(settings, entry)
-    assert {walk.variation for walk in walks} == {REFERENCE, *range(33)}
+    assert {walk.variation for walk in walks} == {OTHER_SOLE, REFERENCE, *range(33)}
     for trial, walk in zip(asked, walks, strict=True):
         assert walked_as(settings, walk) == dataclasses.replace(trial.settings, measures=False)
     nominal = Trial(candidate=entry.candidate, settings=settings.walk)
@@ -488,6 +494,137 @@ def test_a_winner_that_holds_is_found_where_the_luckiest_walk_fails(study, tmp_p
     (lucky,) = (one for one in finalists(settings, walks) if one.walk.id == luckiest.id)
     assert lucky.tier < Tier.CONVERGED
     assert luckiest.walk.forward > found.trusted > 0.15
+
+
+# --- other soles, other engines ------------------------------------------------------------------
+
+
+def elsewhere(settings, walks, *, sole=None, engine=None):
+    """The winner of a study whose walks elsewhere went otherwise; None leaves a walk out."""
+    first = winner(settings, walks).walk
+    others = {OTHER_SOLE: sole, OTHER_ENGINE: engine}
+    kept = [walk for walk in walks if walk.variation not in others]
+    for variation, walk in others.items():
+        if walk is not None:
+            again = {"id": CONFIRMATIONS * 10 - variation, "stage": CONFIRMATION}
+            kept.append(
+                dataclasses.replace(
+                    first, nominal=first.id, variation=variation, walk=walk, **again
+                )
+            )
+    return winner(settings, kept)
+
+
+def far(part):
+    """A walk that goes a part of the way that candidate 5 goes alone."""
+    return dataclasses.replace(STEADY, forward=part * FORWARD[5], lateral=0.5, yaw=1.0)
+
+
+FALLEN = dataclasses.replace(far(1.0), outcome=Outcome.FELL)
+
+
+@pytest.mark.parametrize(
+    ("sole", "engine", "tier"),
+    [
+        (far(0.91), far(1.09), Tier.TRANSFERS),  # Drift and turn are reported, and decide nothing.
+        (far(0.89), far(1.0), Tier.CONVERGED),
+        (far(1.0), far(1.11), Tier.CONVERGED),
+        (far(1.0), FALLEN, Tier.CONVERGED),
+        (far(1.0), None, Tier.CONVERGED),
+        (None, far(1.0), Tier.CONVERGED),
+    ],
+)
+def test_a_winner_transfers_that_is_upright_and_as_far_on_another_sole_and_in_another_engine(
+    raced, path, sole, engine, tier
+):
+    found = elsewhere(raced, confirmed(raced, path), sole=sole, engine=engine)
+    assert found.walk.id == 5
+    assert found.tier is tier
+    assert found.trusted == pytest.approx(0.17)
+    assert len(found.servo) == 16
+
+
+def test_another_tolerance_bears_other_distances(raced, path):
+    walks = confirmed(raced, path)
+    for tolerance, tier in ((0.3, Tier.TRANSFERS), (0.2, Tier.CONVERGED)):
+        settings = planned(raced, transfer_distance=tolerance)
+        assert elsewhere(settings, walks, sole=far(0.75), engine=far(1.0)).tier is tier
+
+
+def test_a_gait_that_does_not_converge_transfers_nowhere(raced, path):
+    walks = confirmed(raced, path, Track(raced, **REPEATING))
+    assert not any(walk.variation in (OTHER_SOLE, OTHER_ENGINE) for walk in walks)
+    assert elsewhere(raced, walks, sole=far(1.0), engine=far(1.0)).tier is Tier.REPEATS
+
+
+def test_what_transfers_is_reported_and_does_not_decide_who_wins(raced, path):
+    walks = confirmed(raced, path)
+    (own,) = (walk for walk in walks if walk.variation == OTHER_SOLE)
+    assert own.nominal == winner(raced, walks).walk.id == 5
+    how = walked_as(raced, own)
+    assert (how.sole, how.fidelity, how.disturbance) == (Sole.POINTS, Fidelity.REFERENCE, None)
+    assert own.candidate == winner(raced, walks).walk.candidate
+    # Another converges too, and transfers; it goes less far, so that it does not win.
+    moved = [
+        dataclasses.replace(walk, id=CONFIRMATIONS * 10 + n, variation=variation, nominal=4)
+        for n, variation in enumerate((OTHER_SOLE, OTHER_ENGINE))
+        for walk in walks
+        if walk.variation == REFERENCE and walk.nominal == 5
+    ]
+    wide = planned(raced, winners=CANDIDATES, walks=400, reference_walks=400)
+    all_walks = confirmed(wide, path.with_name("wide.db"))
+    moved.append(
+        dataclasses.replace(moved[0], id=CONFIRMATIONS * 10 + 2, variation=REFERENCE, nominal=4)
+    )
+    known = [walk for walk in all_walks if (walk.nominal, walk.variation) != (4, REFERENCE)]
+    tiers = {one.walk.id: one.tier for one in finalists(wide, [*known, *moved])}
+    assert tiers[4] is Tier.TRANSFERS
+    assert winner(wide, [*known, *moved]).walk.id == 5
+
+
+def test_without_transfer_no_walk_is_elsewhere(raced, path):
+    settings = planned(raced, transfer=False)
+    walks = confirmed(settings, path)
+    assert min(walk.variation for walk in walks) == REFERENCE
+    assert winner(settings, walks).tier is Tier.CONVERGED
+
+
+# --- workers -------------------------------------------------------------------------------------
+
+
+class Virtual:
+    """Workers on a clock of their own: walks cost what they would, and nobody waits."""
+
+    def __init__(self, track, workers):
+        self.track, self.now, self.work = track, 0.0, 0.0
+        self.free = [0.0] * workers
+
+    def __call__(self, trials):
+        done = []
+        for index, trial in enumerate(trials):
+            fine = trial.settings.fidelity is Fidelity.REFERENCE
+            cost = (1.0 if fine else 0.2) * (3.0 if trial.settings.measures else 1.0)
+            end = max(self.now, heapq.heappop(self.free)) + cost
+            heapq.heappush(self.free, end)
+            self.work += cost
+            done.append((end, index, self.track.walk(*self.track.known[trial])))
+        return self.finished(sorted(done, key=lambda one: one[:2]))
+
+    def finished(self, done):
+        for end, index, walk in done:
+            self.now = max(self.now, end)
+            yield Finished(index=index, walk=walk, seconds=0.0)
+
+    @property
+    def busy(self):
+        return self.work / (len(self.free) * max(self.free))
+
+
+@pytest.mark.parametrize(("workers", "share"), [(1, 0.999), (2, 0.97), (8, 0.7)])
+def test_workers_are_kept_busy_to_the_end(raced, path, workers, share):
+    clock = Virtual(Track(raced), workers)
+    confirmed(raced, path, clock)
+    assert clock.busy > share
 
 
 def test_measures_are_a_walk_s_own_or_those_of_the_same_walk_again(entry, measures):

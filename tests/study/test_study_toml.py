@@ -15,8 +15,9 @@ from hypothesis import strategies as some
 
 from drake_gait.optimization import open_study
 from drake_gait.problem import Constraints
+from drake_gait.ranges import DEGREES
 from drake_gait.study._toml import as_toml
-from drake_gait.study.keys import DEGREES, MM, N_MM_DEG
+from drake_gait.study.keys import MM, N_MM_DEG
 from drake_gait.study.reading import default_study, read_study
 from drake_gait.study.settings import study_settings
 from drake_gait.study.store import Study
