@@ -41,7 +41,6 @@ WALKING = (15, 165)
 """Frames in which walking starts and ends: 0.3 and 3.3 s (Eqs. 3-9)."""
 _START, _END = WALKING
 _STAND = 180  # Frame in which standing begins.
-_RAMP = 45  # Frames in which a ramped gait function grows.
 _LEG_PHASE = CYCLE_TIME / 2.0
 _NODE_ROLL = np.radians(1.5)
 _NODE_PITCH: FloatArray = np.radians([15.0, 30.0, 15.0])  # hip, knee, ankle in mid-swing
@@ -50,10 +49,16 @@ _NODE_PITCH: FloatArray = np.radians([15.0, 30.0, 15.0])  # hip, knee, ankle in 
 class Start(StrEnum):
     """Beginning of a walk; it ends as in the paper."""
 
+    SHIFT = "shift"
+    """The weight shifts first: raised cosines from 0 to 0.3 s for the roll, 0.75 s for the legs."""
     RAMP = "ramp"
     """The gait function grows from nothing by a raised cosine, from 0 to 0.9 s."""
     PAPER = "paper"
     """The left leg swings to its node in mid-swing until 0.3 s; then the gait function is whole."""
+
+
+_GROWTH = {Start.SHIFT: (15, 37.5), Start.RAMP: (45, 45)}
+"""Frames in which the gait function grows from nothing: those of the roll, those of the legs."""
 
 
 def _joint_rows(roll: FloatArray, right: FloatArray, left: FloatArray) -> FloatArray:
@@ -133,16 +138,24 @@ class Gait:
 
     def commands_from(self, start: Start) -> FloatArray:
         """Return the commands to the servos after a start, as `commands`, shape (241, 10)."""
-        return self.commands if start is Start.PAPER else self._ramped_commands
+        return self.commands if start is Start.PAPER else self._grown_commands[start]
 
     @cached_property
-    def _ramped_commands(self) -> FloatArray:
+    def _grown_commands(self) -> dict[Start, FloatArray]:
         frame = np.arange(FRAMES + 1)
-        growth = 0.5 - 0.5 * np.cos(np.pi * np.minimum(frame / _RAMP, 1.0))
-        commands = np.array(self.commands)
-        commands[:_END] = (growth[:, None] * self._smooth(frame * FRAME_TIME))[:_END]
-        commands.setflags(write=False)
-        return commands
+        smooth = self._smooth(frame * FRAME_TIME)
+        grown = {}
+        for start, (of_roll, of_legs) in _GROWTH.items():
+            roll, legs = (
+                0.5 - 0.5 * np.cos(np.pi * np.minimum(frame / whole, 1.0))
+                for whole in (of_roll, of_legs)
+            )
+            pitch = np.repeat(legs[:, None], 3, axis=1)
+            commands = np.array(self.commands)
+            commands[:_END] = (_joint_rows(roll, pitch, pitch) * smooth)[:_END]
+            commands.setflags(write=False)
+            grown[start] = commands
+        return grown
 
     def _smooth(self, time: ArrayLike) -> FloatArray:
         """The gait function on all joints [rad], shape (n, 10), without a schedule."""
@@ -175,7 +188,7 @@ class Gait:
         return commands
 
     def jumps_from(self, start: Start) -> FloatArray:
-        """`jumps` of what is sent after a start, shape (2, 10): a ramp leaves none at 0.3 s."""
+        """`jumps` of what is sent after a start, shape (2, 10): only the paper's jumps at 0.3 s."""
         sent = [1.0 if start is Start.PAPER else 0.0, 1.0]
         return np.array(sent)[:, None] * self.jumps
 

@@ -369,31 +369,44 @@ def test_the_paper_s_start_is_eqs_3_to_9(gait):
     assert gait.commands_from(Start.PAPER) is gait.commands
 
 
-@given(any_coefficients)
-def test_a_ramp_begins_upright_and_is_the_paper_s_schedule_once_it_is_whole(coefficients):
+GROWTH = pytest.mark.parametrize(
+    ("start", "of_roll", "of_legs"), [(Start.RAMP, 0.9, 0.9), (Start.SHIFT, 0.3, 0.75)]
+)
+
+
+@GROWTH
+@given(coefficients=any_coefficients)
+def test_a_growing_start_begins_upright_and_is_the_paper_s_schedule_once_it_is_whole(
+    start, of_roll, of_legs, coefficients
+):
     gait = Gait(coefficients=coefficients)
-    ramped = gait.commands_from(Start.RAMP)
-    assert not ramped[0].any()
-    assert ramped[45:] == pytest.approx(gait.commands[45:], abs=1e-12)
+    grown, whole = gait.commands_from(start), round(max(of_roll, of_legs) / FRAME_TIME + 0.5)
+    assert not grown[0].any()
+    assert grown[whole:] == pytest.approx(gait.commands[whole:], abs=1e-12)
 
 
-@given(any_coefficients)
-def test_a_ramped_command_is_a_growing_part_of_the_gait_function(coefficients):
+@GROWTH
+@given(coefficients=any_coefficients)
+def test_roll_and_legs_grow_by_raised_cosines(start, of_roll, of_legs, coefficients):
     gait = Gait(coefficients=coefficients)
-    frames = np.arange(46)
-    roll = gait.waveforms(frames * FRAME_TIME)[:, 0]
-    part = np.sin(np.pi * frames / 90.0) ** 2  # a raised cosine
-    ramped = gait.commands_from(Start.RAMP)[:46]
-    assert ramped[:, JOINTS.index("hip_roll_l")] == pytest.approx(part * roll, abs=1e-12)
+    time = np.arange(46) * FRAME_TIME
+    whole = gait.waveforms(time)
+    grown = gait.commands_from(start)[:46]
+    for joint, waveform, growth in (("hip_roll_l", 0, of_roll), ("knee_l", 2, of_legs)):
+        part = np.sin(0.5 * np.pi * np.minimum(time / growth, 1.0)) ** 2  # a raised cosine
+        sent = grown[:, JOINTS.index(joint)]
+        assert sent == pytest.approx(part * whole[:, waveform], abs=1e-12)
 
 
-def test_ramped_commands_cannot_be_changed(gait):
+@pytest.mark.parametrize("start", Start)
+def test_commands_cannot_be_changed(gait, start):
     with pytest.raises(ValueError, match="read-only"):
-        gait.commands_from(Start.RAMP)[0, 0] = 1.0
+        gait.commands_from(start)[0, 0] = 1.0
 
 
-def test_a_ramp_has_the_jump_at_the_end_only(gait):
-    first, last = gait.jumps_from(Start.RAMP)
+@pytest.mark.parametrize("start", [Start.RAMP, Start.SHIFT])
+def test_a_growing_start_has_the_jump_at_the_end_only(gait, start):
+    first, last = gait.jumps_from(start)
     assert not first.any()
     assert (last == gait.jumps[1]).all()
     assert (gait.jumps_from(Start.PAPER) == gait.jumps).all()
