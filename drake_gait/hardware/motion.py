@@ -41,7 +41,7 @@ class Motion:
     @property
     def times(self) -> FloatArray:
         """Time of each frame [s], shape (n,)."""
-        times: FloatArray = np.arange(len(self.angles)) * self.frame_time
+        times: FloatArray = np.arange(len(self.angles), dtype=float) * self.frame_time
         return times
 
     @property
