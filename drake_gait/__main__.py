@@ -19,7 +19,7 @@ from drake_gait import __version__
 from drake_gait.cli._command import conduct
 from drake_gait.errors import SettingsError
 
-COMMANDS = ("optimize", "sweep", "replay", "report", "studies", "export")
+COMMANDS = ("optimize", "sweep", "replay", "report", "studies", "export", "play", "overlay")
 """Modules of `cli` that are commands."""
 
 

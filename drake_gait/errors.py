@@ -4,7 +4,8 @@
     ├── SettingsError         a value that was given is not one that can be used
     ├── ModelError            a robot description cannot be read, or is not the robot that is needed
     ├── StudyError            a study's folder or file cannot be used, or belongs to another study
-    └── WorkerError           the processes that run walks cannot be kept alive
+    ├── WorkerError           the processes that run walks cannot be kept alive
+    └── HardwareError         a robot's controller does not do what it is asked to
 
 A robot that falls or a solver that diverges is no error but the `Outcome` of a walk; a bug is any
 other exception.
@@ -29,3 +30,7 @@ class StudyError(GaitError):
 
 class WorkerError(GaitError):
     """The processes that run walks cannot be kept alive."""
+
+
+class HardwareError(GaitError):
+    """A robot's controller does not do what it is asked to."""

@@ -21,7 +21,7 @@ LAYERS = (
     ("sweep",),
     ("optimization",),
     ("report",),
-    ("search",),
+    ("search", "hardware"),
     ("visualization", "study", "execution"),
     ("simulation", "surrogates"),
     ("problem", "optimizers"),
@@ -48,6 +48,7 @@ WALLS = {
     "cmaes": {"search"},
     "rich": {"cli"},
     "mujoco": {"simulation"},
+    "rcb4": {"hardware"},
     "optuna": {"report"},
     "sqlalchemy": {"report"},
     "jinja2": {"report"},
@@ -165,7 +166,7 @@ def test_nobody_imports_all_of_drake():
 def test_the_package_depends_on_declared_libraries_only():
     declared = {"cmaes", "jinja2", "matplotlib", "numpy", "pydrake", "rich", "scipy", "torch"}
     declared |= {"drake_gait", "sklearn", "threadpoolctl"}
-    extras = {"dask", "distributed", "mujoco", "optuna", "sqlalchemy"}
+    extras = {"dask", "distributed", "mujoco", "optuna", "rcb4", "sqlalchemy"}
     for path in PACKAGE:
         libraries = {name.split(".")[0] for name in imports(path)} - set(sys.stdlib_module_names)
         assert libraries <= declared | extras, path.name

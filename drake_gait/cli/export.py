@@ -1,8 +1,12 @@
-"""Take a study elsewhere: `python -m drake_gait export RUN --csv FILE | --optuna URL`.
+"""Take a study elsewhere: `python -m drake_gait export RUN --csv|--optuna|--motion WHERE`.
 
 --csv writes all walks with all columns and every digit. --optuna makes an Optuna study of them, or
 adds the walks that it lacks, in a database such as sqlite:///optuna.db. Running studies can be
 exported as well.
+
+--motion writes the winner, or --walk, as a robot plays it: one row a frame, joint angles in degrees
+or, with --units rcb4, positions of the servos. Ranges, speeds and the gap between the legs are
+checked before anything is written. --soften closes the jumps of the command.
 """
 
 import argparse
@@ -12,6 +16,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from drake_gait.cli._command import conduct
+from drake_gait.cli._motion_options import MOTION_OPTIONS, add_motion_options
+from drake_gait.cli._signals import importing
 from drake_gait.errors import StudyError
 from drake_gait.files.destination import STANDARD_OUTPUT, check, messages, write
 from drake_gait.files.shipped import find
@@ -32,11 +38,27 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument("--csv", type=Path, metavar="FILE", help="the file to write; - for stdout")
     where.add_argument("--optuna", metavar="URL", help="the database of the Optuna study")
+    where.add_argument(
+        "--motion", type=Path, metavar="FILE", help="the motion to write; - for stdout"
+    )
     parser.add_argument("--name", help="name of the Optuna study (that of the folder)")
-    return parser.parse_args(arguments)
+    add_motion_options(parser)
+    parser.add_argument(
+        "--units", choices=("degrees", "rcb4"), help="of a motion: joint angles, or positions"
+    )
+    found = parser.parse_args(arguments)
+    given = [f"--{name}" for name in (*MOTION_OPTIONS, "units") if getattr(found, name)]
+    if found.motion is None and given:
+        parser.error(f"argument {given[0]}: is for --motion FILE")
+    return found
 
 
 def _export(options: argparse.Namespace) -> None:
+    if options.motion is not None:
+        with importing():
+            from drake_gait.cli import _motion
+        _motion.write_motion(options)
+        return
     with Study.open(find(options.run)) as study:
         if options.csv is not None:
             _to_csv(study, options.csv)

@@ -3,7 +3,7 @@
 Each function draws one figure and writes it to `path`: see `figures.save_figure`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -314,3 +314,35 @@ def _between(time: FloatArray, begin: float, end: float) -> NDArray[np.bool_]:
     """Return whether each frame lies in begin <= t < end, shape (n,)."""
     half = FRAME_TIME / 2.0
     return (time > begin - half) & (time < end - half)
+
+
+def joint_angles(
+    history: History, times: FloatArray, measured: Mapping[str, FloatArray], path: str | Path
+) -> None:
+    """Draw measured joint angles over the simulated ones and their commands, a panel a joint.
+
+    Args:
+        history: The simulated walk.
+        times: Times of the measured angles [s], shape (n,).
+        measured: Angles by joint [rad], shape (n,) each.
+        path: The figure.
+    """
+    with style():
+        rows = (len(measured) + 1) // 2
+        figure = new_figure(PAGE, 0.6 + 1.3 * rows)
+        panels = figure.subplots(rows, 2, sharex=True, squeeze=False)
+        for axes, (name, angles) in zip(panels.flat, measured.items(), strict=False):
+            column = JOINTS.index(name)
+            command = np.degrees(history.commands[:, column])
+            axes.plot(history.time, command, "--", color=GREY, linewidth=0.9, label="command")
+            simulated = np.degrees(history.angles[:, column])
+            axes.plot(history.time, simulated, color=SIDES[0][1], label="simulated")
+            axes.plot(times, np.degrees(angles), color=SIDES[1][1], label="measured")
+            axes.set_ylabel(f"{name.replace('_', ' ')} [deg]")
+        for axes in panels.flat[len(measured) :]:
+            axes.set_visible(False)
+        for axes in panels[-1]:
+            axes.set_xlabel("time [s]")
+        handles, labels = panels[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=3)
+        save_figure(figure, path)
