@@ -188,10 +188,14 @@ def phases(seen: Sequence[Print], weight: float) -> list[Print]:
     """
     loaded = np.array([one.load > LOADED * weight for one in seen], dtype=int)
     edges = np.diff(loaded)
-    begin = next(
-        int(index) + 1 for index in np.flatnonzero(edges > 0) if seen[index].time > CYCLE_TIME
-    )
-    end = next(int(index) for index in np.flatnonzero(edges < 0) if index > begin)
+    begins = [int(k) + 1 for k in np.flatnonzero(edges > 0) if seen[k].time > CYCLE_TIME]
+    ends = [int(k) for k in np.flatnonzero(edges < 0) if begins and k >= begins[0]]
+    if not ends:
+        raise SystemExit(
+            "error: the right foot has no whole stance in the second and third cycle; "
+            "name a gait that walks (--run, --walk)"
+        )
+    begin, end = begins[0], ends[0]
     stance = list(seen[begin : end + 1])
     middle = next((k for k, one in enumerate(stance) if one.ahead > 0.0), len(stance) // 2)
     extents = np.array([one.extent for one in stance[: max(middle, 1)]])
@@ -215,16 +219,26 @@ def draw(chosen: Sequence[Print], sole: Sole, path: Path) -> None:
             if surface:
                 drawn = PolyCollection(
                     [np.column_stack([-face[:, 1], face[:, 0]]) for face in one.faces],
-                    array=np.array(one.pressures), norm=norm, cmap="viridis_r",
-                    edgecolors=INK, linewidths=0.2,
-                )  # fmt: skip
+                    array=np.array(one.pressures),
+                    norm=norm,
+                    cmap="viridis_r",
+                    edgecolors=INK,
+                    linewidths=0.2,
+                )
                 axis.add_collection(drawn)
             else:
                 places = np.array(one.points).reshape(-1, 2)
                 drawn = axis.scatter(
-                    -places[:, 1], places[:, 0], c=one.forces, norm=norm, cmap="viridis_r",
-                    s=30.0, edgecolors=INK, linewidths=0.3, zorder=3,
-                )  # fmt: skip
+                    -places[:, 1],
+                    places[:, 0],
+                    c=one.forces,
+                    norm=norm,
+                    cmap="viridis_r",
+                    s=30.0,
+                    edgecolors=INK,
+                    linewidths=0.3,
+                    zorder=3,
+                )
             axis.set_title(f"{phase}\n{one.time:.2f} s, {one.load:.1f} N")
             axis.set_aspect("equal")
             axis.set_xlabel("right [mm]")
@@ -258,16 +272,22 @@ def main() -> None:
     base, candidate = candidate_of(options.study, options.run, options.walk)
     for sole in options.soles:
         settings = WalkSettings(
-            model=base.model, start=base.start, servo=base.servo, sole=sole,
-            fidelity=Fidelity.REFERENCE, integrator=STEP,
-        )  # fmt: skip
+            model=base.model,
+            start=base.start,
+            servo=base.servo,
+            sole=sole,
+            fidelity=Fidelity.REFERENCE,
+            integrator=STEP,
+        )
         robot, _ = prepare(candidate.gait.commands_from(base.start), candidate.foot, settings)
         weight = 9.81 * robot.plant.CalcTotalMass(robot.plant.CreateDefaultContext())
         chosen = phases(list(prints(candidate, settings)), weight)
         path = options.output / f"patch-{sole}.png"
         draw(chosen, sole, path)
-        rows = [f"{phase} {one.time:.3f} s {one.load:.1f} N" for phase, one in
-                zip(PHASES, chosen, strict=True)]  # fmt: skip
+        rows = [
+            f"{phase} {one.time:.3f} s {one.load:.1f} N"
+            for phase, one in zip(PHASES, chosen, strict=True)
+        ]
         print(f"{path}: {'; '.join(rows)}", flush=True)
 
 
