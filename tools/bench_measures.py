@@ -29,6 +29,7 @@ from drake_gait.problem import Candidate
 from drake_gait.robot.sdf import FEET
 from drake_gait.simulation import simulate as simulation
 from drake_gait.simulation.measures import LOADED
+from drake_gait.sole import Sole
 from drake_gait.study.finalists import winner
 from drake_gait.study.reading import default_study
 from drake_gait.study.settings import study_settings
@@ -160,8 +161,14 @@ def definitions(found: dict[str, tuple[Candidate, WalkSettings]]) -> None:
     for name, (candidate, settings) in found.items():
         commands = candidate.gait.commands_from(settings.start)
         robot, context = simulation.prepare(commands, candidate.foot, settings)
-        simulator = simulation.start(robot.diagram, context, settings.stepping)
-        simulator.AdvanceTo(FRAMES * FRAME_TIME)
+        search = (
+            simulation._LINE_SEARCH_ON_BOXES
+            if settings.sole is Sole.BOXES
+            else simulation._LINE_SEARCH_TOLERANCE
+        )
+        simulator = simulation.start(robot.diagram, context, settings.stepping, search)
+        for frame in range(1, FRAMES + 1):
+            simulator.AdvanceTo(frame * FRAME_TIME)
         assert robot.steps is not None
         log = robot.steps.FindLog(context)
         seen, states = log.sample_times(), log.data()
