@@ -132,7 +132,7 @@ class Gait:
         return np.clip(values, ANGLE_LIMITS[:, 0], ANGLE_LIMITS[:, 1])
 
     def commands_from(self, start: Start) -> FloatArray:
-        """Return the commands to the servos after a start, as `commands`, shape (241, 10)."""
+        """What the servos are sent after a start, as `commands`, shape (241, 10)."""
         return self.commands if start is Start.PAPER else self._ramped_commands
 
     @cached_property
