@@ -1,4 +1,4 @@
-"""What a search believes: an ensemble of networks of its walks, and what it is to be asked.
+"""Beliefs of a search: an ensemble of networks of its walks, and the questions to it.
 
 A network learns the latest 600 walks, so that it never takes longer, and only when the walks have
 grown by a twentieth: between, the processes of its errors know the new ones. Which walks a network

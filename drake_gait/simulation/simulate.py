@@ -210,8 +210,8 @@ def _standing(
 ) -> FloatArray:
     """Positions of the robot at rest on the paper's feet, shape (21,), or (17,) with rigid toes.
 
-    Every foot starts its walk from them: what other toes would change is a thousandth of a radian
-    in the toes themselves and microns elsewhere, and settling costs a fifth of a walk.
+    Every foot starts its walk from them. Other toes would change a thousandth of a radian in the
+    toes themselves and microns elsewhere, and settling costs a fifth of a walk.
     """
     foot = FootDesign(rigid_toes=rigid_toes)
     robot = _robot(model, foot, servo, sole, contact)

@@ -85,12 +85,12 @@ class StudyWalk:
 
     @property
     def is_search_walk(self) -> bool:
-        """Whether the search asked for it, replicas included; the other walks confirm others."""
+        """Return whether the search asked for it, replicas included; other walks confirm."""
         return self.stage != CONFIRMATION
 
     @property
     def is_nominal(self) -> bool:
-        """Whether its candidate walked as the search proposed it: no replica, no confirmation."""
+        """Return whether its candidate walked as proposed: no replica, no confirmation."""
         return self.nominal is None
 
 

@@ -87,17 +87,17 @@ class StudySettings:
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """What a network is to predict of a walk: `problem.OUTPUTS`, and what else is needed."""
+        """Return the outputs of a network: `problem.OUTPUTS`, and what else is needed."""
         return quantities(self.constraints, self.search.objective)
 
     @property
     def trial_settings(self) -> WalkSettings:
-        """How the walks of the search are simulated: with measures where they are needed."""
+        """Return the settings of the search's walks: with measures where they are needed."""
         return replace(self.walk, measures=not set(self.outputs) <= set(OF_EVERY_WALK))
 
     @property
     def two_grounds(self) -> bool:
-        """Whether the walks of the search alternate between slippery and sticky ground."""
+        """Return whether the search's walks alternate between slippery and sticky ground."""
         alternates = self.search.grounds and self.search.mode is not Mode.PAPER
         return alternates and self.confirmation.friction > 0.0
 
