@@ -1,7 +1,7 @@
 """One expendable process that walks trials.
 
 It shares nothing with its driver but a pipe of its own. So it may die at any instant, in C++ or by
-`kill -9`: the driver reads the end of the pipe and knows which trial was being walked. A pool whose
+`kill -9`. The driver reads the end of the pipe and knows which trial was being walked. A pool whose
 processes share a queue and its locks does not survive that.
 """
 
@@ -62,7 +62,7 @@ class Vigil:
     _moved: float = 0.0
 
     def __call__(self, computed: float, now: float) -> bool:
-        """Return whether it has computed, or stood still, for its limit since it was first asked."""
+        """Return whether it has computed, or stood still, for its limit since the first call."""
         if self._first is None:
             self._first, self._last, self._moved = computed, computed, now
         if computed > self._last:

@@ -30,7 +30,7 @@ class Limit:
     """Largest value."""
 
     def excess(self, value: ArrayLike) -> FloatArray:
-        """Return how far values, shape (...), are outside, in parts of the limit; below 0 inside."""
+        """How far values, shape (...), are outside, in parts of the limit; below 0 inside."""
         above = (np.asarray(value) - self.upper) / abs(self.upper) if self.upper < np.inf else None
         below = (self.lower - np.asarray(value)) / abs(self.lower) if self.lower > -np.inf else None
         sides = [side for side in (above, below) if side is not None]
@@ -96,7 +96,7 @@ class Constraints:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Return the name of each of `Assessment.violations`."""
+        """What each of `Assessment.violations` is of."""
         return (*(limit.quantity for limit in self.limits), "steps")
 
     def _measures(self) -> list[tuple[str, float]]:

@@ -3,8 +3,8 @@
 A trial is a walk. Its parameters are the open design variables. Its value is what the study
 maximises: the distance walked forward. Its constraints are the scaled violations of Eqs. 11-14, in
 this order (Optuna: feasible at or below 0). Every other column of the study file is a user
-attribute, in SI units, with its name in the study file. A fall is a pruned trial, which reports its value
-at the frame where it ended; what could not be simulated is a failed one.
+attribute, in SI units, with its name in the study file. A fall is a pruned trial, which reports its
+value at the frame where it ended; what could not be simulated is a failed one.
 """
 
 import math

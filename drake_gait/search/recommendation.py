@@ -2,8 +2,8 @@
 
 The furthest single walk of a search is also the luckiest. A recommendation comes from the mean
 of a network that knows every walk, the answers of a confirmation too. First come those whose chance
-to hold, times what they gain, is largest. Candidates that were never walked are among them, the means
-of a good one and its nearest feasible neighbours: an average avoids what is sensitive.
+to hold, times what they gain, is largest. Candidates that were never walked are among them: the
+means of a good one and its nearest feasible neighbours. An average avoids what is sensitive.
 """
 
 from collections.abc import Sequence

@@ -198,7 +198,7 @@ class Observer:
         return controller, speeds, controller - self._back_emf * speeds
 
     def _contacts(self, plant_context: Context) -> list[_Touch]:
-        """Contacts of the feet with the ground: patches of surfaces, and points."""
+        """Where feet touch the ground: patches of surfaces, and points."""
         port = self._robot.plant.get_contact_results_output_port()
         results = cast(ContactResults, port.Eval(plant_context))
         found: list[tuple[tuple[GeometryId, GeometryId], FloatArray, FloatArray]] = []

@@ -90,7 +90,7 @@ class StudyWalk:
 
     @property
     def is_nominal(self) -> bool:
-        """Return whether its candidate walked as proposed: no replica, no confirmation."""
+        """Whether its candidate walked as the search proposed it: no replica, no confirmation."""
         return self.nominal is None
 
 

@@ -111,8 +111,8 @@ class SearchSettings:
 class ConfirmationSettings:
     """Walks that confirm the best candidates, tier by tier (study.finalists.Tier).
 
-    `replicas` walks of a candidate have noise on every coefficient, and lower and higher friction in
-    turn. As many have fresh noise at reference fidelity. In each tier
+    `replicas` walks of a candidate are made with noise on every coefficient and friction that is
+    lower and higher in turn, and as many with fresh noise at reference fidelity. In each tier
     `feasible` of them must be feasible. The winner alone is walked with other servos and masses.
     """
 

@@ -87,12 +87,12 @@ class StudySettings:
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """Return the outputs of a network: `problem.OUTPUTS`, and what else is needed."""
+        """What a network is to predict of a walk: `problem.OUTPUTS`, and what else is needed."""
         return quantities(self.constraints, self.search.objective)
 
     @property
     def trial_settings(self) -> WalkSettings:
-        """Return the settings of the search's walks: with measures where they are needed."""
+        """How the walks of the search are simulated: with measures where they are needed."""
         return replace(self.walk, measures=not set(self.outputs) <= set(OF_EVERY_WALK))
 
     @property
