@@ -1,6 +1,6 @@
 """Acquisition: ISADE minimises it on the network, to find a better feasible walk.
 
-Where walks are on two grounds, a candidate is worth something only if it holds on both: near the
+Where walks are on two grounds, a candidate is worth something only if it holds on both. Near the
 edge of a limit the ground decides, not luck.
 """
 

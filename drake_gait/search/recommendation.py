@@ -59,9 +59,9 @@ class Recommended:
 class Adviser:
     """Recommendations of a finished search, which learn from every answer.
 
-    The network's chance is what it says of a walk that nobody made. How far it is to be believed,
-    and how much distance and a narrow margin cost beside it, is a logistic regression that begins
-    with what long searches have shown, and learns from every answer. The same samples and answers
+    The network's chance is what it says of a walk that nobody made. A logistic regression says how
+    far to believe it, and how much distance and a narrow margin cost beside it. It begins with the
+    experience of long searches, and learns from every answer. The same samples and answers
     recommend the same.
 
     Args:

@@ -103,9 +103,9 @@ class TrustRegion(NetworkProposer):
     def _told_of(self, iteration: int, known: Sequence[Sample]) -> list[tuple[FloatArray, float]]:
         """Return points and fitness that the region learns of the last batch.
 
-        Points that a model has picked alone would widen it without end. So it may be told all that
-        it drew (Hansen 2019, Bajer and others 2019), each with the fitness to expect on the ground
-        of the batch, which follows from the walks of the study file alone.
+        Points that a model has picked alone would widen it without end. So it may learn all that it
+        drew (Hansen 2019, Bajer and others 2019). Each has the fitness to expect on the ground of
+        the batch, which follows from the walks of the study file alone.
         """
         space = self._settings.space
         told = [
