@@ -135,7 +135,9 @@ def draw(found: dict[tuple[int, str], Array], path: Path) -> None:
                 rows = [found[count, name][:, column] for count in counts]
                 middle = [np.median(one) for one in rows]
                 width = 2.2 if name == "network" else 1.2
-                axes.plot(counts, middle, "o-", color=colour, linewidth=width, label=name)
+                axes.plot(
+                    counts, middle, "o-", color=colour, linewidth=width, markersize=3, label=name
+                )
                 if name == "network":
                     low, high = [one.min() for one in rows], [one.max() for one in rows]
                     axes.fill_between(counts, low, high, color=colour, alpha=0.15, linewidth=0)
