@@ -118,8 +118,13 @@ def _require_proposer(study: Study, name: str | None) -> None:
 
 
 def _wanted(settings: StudySettings, model: RobotModel) -> dict[str, Any]:
-    """Return the settings and the robot that identify a study."""
+    """What a study must have begun with, to be this one."""
     return {"settings": settings.description(), "model_sha256": model.sha256}
+
+
+def identity(settings: StudySettings, model: RobotModel) -> dict[str, Any]:
+    """Return all that a study of these settings keeps from its beginning to its end."""
+    return _wanted(settings, model)
 
 
 def try_robot(settings: StudySettings, model: RobotModel) -> None:

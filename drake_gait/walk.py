@@ -1,4 +1,4 @@
-"""How a walk is simulated, and what one simulation left behind."""
+"""The walk: settings of a simulation, and its results."""
 
 import math
 from dataclasses import dataclass, field
@@ -25,7 +25,7 @@ FALL_HEIGHT = 0.8
 
 
 class Fidelity(StrEnum):
-    """How finely a walk is simulated; the plant is the same."""
+    """Fineness of a simulation; the plant is the same."""
 
     SEARCH = "search"
     """CENIC at a fixed step of 4 ms, or `WalkSettings.step`: fast enough for thousands of walks."""
@@ -47,7 +47,7 @@ class Engine(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Integrator:
-    """How Drake steps a walk."""
+    """Time steps of a simulation in Drake."""
 
     step: float
     """Length of every step, or the longest where errors are controlled [s]."""
@@ -64,9 +64,9 @@ class Integrator:
 
     @property
     def lead(self) -> float:
-        """How far ahead a command is read [s].
+        """Time by which a command is read ahead [s].
 
-        Drake reads it at the beginning of a step and applies it at the end: in steps of fixed
+        Drake reads it at the beginning of a step and applies it at the end. In steps of fixed
         length this makes up for the delay.
         """
         return self.step if self.accuracy is None else 0.0
@@ -96,7 +96,7 @@ MOST_DELAY = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class Disturbance:
-    """How a robot differs from its description."""
+    """Difference of a robot from its description."""
 
     joint_zeros: tuple[float, ...] = (0.0,) * 10
     """Where each servo has its zero, added to its commands [rad], ordered as gait.JOINTS."""
@@ -121,7 +121,7 @@ class Disturbance:
 
 @dataclass(frozen=True, kw_only=True)
 class WalkSettings:
-    """How candidates are simulated."""
+    """Settings of the simulation of a candidate."""
 
     model: "str | Path | RobotModel" = DEFAULT_MODEL
     """Robot description: an SDF file, the name of a shipped one, or one that has been read."""
@@ -178,7 +178,7 @@ class WalkSettings:
 
 
 class Outcome(StrEnum):
-    """How a walk ended."""
+    """End of a walk."""
 
     WALKED = "walked"
     """All 240 frames on its feet."""
@@ -220,7 +220,7 @@ class History:
 
 @dataclass(frozen=True, kw_only=True)
 class Measures:
-    """What a walk costs and how it is walked. Pairs are right foot, left foot."""
+    """Cost and manner of a walk. Pairs are right foot, left foot."""
 
     energy: float
     """Mechanical work of the ten servos on their joints, driving and braking [J]."""
@@ -285,12 +285,12 @@ class Walk:
 
     @property
     def survived(self) -> bool:
-        """Whether the robot was on its feet to the end."""
+        """Return whether the robot was on its feet to the end."""
         return self.outcome is Outcome.WALKED
 
     @property
     def failure(self) -> str | None:
-        """What kept it from its last frame, in a word or two to count by; None if nothing did."""
+        """Return the cause of its early end, in a word or two to count by; None without one."""
         if self.outcome is not Outcome.DIVERGED:
             return None if self.survived else str(self.outcome)
         for cause, beginnings in _CAUSES.items():

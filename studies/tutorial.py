@@ -1,4 +1,4 @@
-"""From a first gait to a co-designed foot: `python studies/tutorial.py`, about ten minutes.
+"""From a first gait to a co-designed foot: `python studies/tutorial.py`, about five minutes.
 
 docs/tutorial/gait_to_foot.md explains what it prints. tutorial.ipynb has the same cells, for
 Jupyter. The smallest budget, `--samples 28 --simulations 30`, takes a minute and teaches nothing.

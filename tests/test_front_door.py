@@ -175,13 +175,19 @@ def test_a_study_is_run_read_again_and_gone_on_with(settings, tmp_path):
 
 @pytest.mark.parametrize("walks", [0, 3, 20, 25])
 def test_a_study_that_was_stopped_goes_on_to_the_same_result(settings, tmp_path, walks):
-    whole = run_study(settings, tmp_path / "whole", proposer=Corners(settings),
-                      executor=Made(settings.space))  # fmt: skip
+    whole = run_study(
+        settings, tmp_path / "whole", proposer=Corners(settings), executor=Made(settings.space)
+    )
     with pytest.raises(Interruption):
-        run_study(settings, tmp_path / "run", proposer=Corners(settings),
-                  executor=Made(settings.space, stop_after=walks))  # fmt: skip
-    result = run_study(settings, tmp_path / "run", proposer=Corners(settings),
-                       executor=Made(settings.space))  # fmt: skip
+        run_study(
+            settings,
+            tmp_path / "run",
+            proposer=Corners(settings),
+            executor=Made(settings.space, stop_after=walks),
+        )
+    result = run_study(
+        settings, tmp_path / "run", proposer=Corners(settings), executor=Made(settings.space)
+    )
     assert walks_in(tmp_path / "run") == walks_in(tmp_path / "whole")
     assert {**result.plain(), "wall_s": 0} == {**whole.plain(), "wall_s": 0}
 
@@ -192,8 +198,12 @@ def test_a_study_does_not_go_on_with_another_proposer(settings, tmp_path, first,
         return name and Corners(settings, name)
 
     with pytest.raises(Interruption):
-        run_study(settings, tmp_path, proposer=proposer(first),
-                  executor=Made(settings.space, stop_after=2))  # fmt: skip
+        run_study(
+            settings,
+            tmp_path,
+            proposer=proposer(first),
+            executor=Made(settings.space, stop_after=2),
+        )
     with pytest.raises(StudyError, match="one"):
         run_study(settings, tmp_path, proposer=proposer(second), executor=Made(settings.space))
     assert len(walks_in(tmp_path)) == 2

@@ -21,7 +21,6 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 from markdown_table import heading, row
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from sklearn.ensemble import RandomForestRegressor
 from sklearn.preprocessing import PolynomialFeatures
@@ -37,6 +36,8 @@ from drake_gait.surrogates.baselines import (
     kriging,
     ridge,
 )
+from drake_gait.visualization.palette import BLUE, GREEN, ORANGE, PURPLE, VERMILION
+from drake_gait.visualization.style import PAGE, new_figure, save_figure, style
 
 COUNTS = (50, 100, 200, 400, 800, 1600, 2000)
 OUTPUTS = ("forward", "lateral", "yaw")
@@ -80,6 +81,7 @@ MODELS: dict[str, Callable[[Array, Array], Model]] = {
     "random forest": lambda x, outputs: forest,
 }
 NAMES = ("network", *MODELS)
+COLOURS = (BLUE, VERMILION, GREEN, ORANGE, PURPLE)
 
 
 def scores(name: str, data: Data) -> list[float]:
@@ -124,38 +126,29 @@ def _row(count: int, name: str, rows: Array) -> str:
 
 
 def draw(found: dict[tuple[int, str], Array], path: Path) -> None:
-    """One panel for each score, a line for each model, a band from the lowest to the highest."""
-    figure = Figure(figsize=(10.0, 3.2), layout="constrained")
-    panels = figure.subplots(1, 4)
+    """Draw a panel for each score, a line for each model, and a band from lowest to highest."""
     counts = sorted({count for count, _ in found})
-    for column, axes in enumerate(panels):
-        for name in NAMES:
-            rows = [found[count, name][:, column] for count in counts]
-            middle = [np.median(one) for one in rows]
-            (line,) = axes.plot(
-                counts,
-                middle,
-                marker="o",
-                markersize=3,
-                label=name,
-                linewidth=2.2 if name == "network" else 1.2,
-            )
-            if name == "network":
-                axes.fill_between(
-                    counts,
-                    [one.min() for one in rows],
-                    [one.max() for one in rows],
-                    color=line.get_color(),
-                    alpha=0.15,
-                    linewidth=0,
+    with style():
+        figure = new_figure(PAGE, 2.6)
+        for column, axes in enumerate(figure.subplots(1, 4)):
+            for name, colour in zip(NAMES, COLOURS, strict=True):
+                rows = [found[count, name][:, column] for count in counts]
+                middle = [np.median(one) for one in rows]
+                width = 2.2 if name == "network" else 1.2
+                axes.plot(
+                    counts, middle, "o-", color=colour, linewidth=width, markersize=3, label=name
                 )
-        axes.set(xscale="log", xlabel="walks simulated", title=COLUMNS[column])
-        axes.set_ylim((0.5, 1.0) if column == 3 else (-0.1, 1.0))
-        axes.set_xticks(counts, [str(count) for count in counts], minor=False, fontsize=7)
-        axes.minorticks_off()
-        axes.grid(alpha=0.3)
-    panels[0].legend(fontsize=7)
-    figure.savefig(path, dpi=150)
+                if name == "network":
+                    low, high = [one.min() for one in rows], [one.max() for one in rows]
+                    axes.fill_between(counts, low, high, color=colour, alpha=0.15, linewidth=0)
+            axes.set(xscale="log", xlabel="walks simulated", title=COLUMNS[column])
+            axes.set_ylim((0.5, 1.0) if column == 3 else (-0.1, 1.0))
+            axes.set_xticks(counts, [str(count) for count in counts], minor=False)
+            axes.minorticks_off()
+        figure.legend(
+            *axes.get_legend_handles_labels(), loc="outside lower center", ncols=len(NAMES)
+        )
+        save_figure(figure, path)
 
 
 def main() -> None:

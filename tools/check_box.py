@@ -1,7 +1,7 @@
 """Count how many gaits of a study's box survive and are feasible: `python tools/check_box.py`.
 
-In a good box at least 60 % of a Latin hypercube of 200 survive, and at least 10 % are feasible. The
-table has measures of its walks.
+A box for a search should let at least 60 % of a Latin hypercube of 200 survive and at least 10 % be
+feasible; the figures say also how its walks are walked.
 """
 
 import argparse
@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 from bench_walk import walks_of_box
-from markdown_table import heading, row
 
 from drake_gait.execution.local import LocalProcesses
 from drake_gait.execution.machine import cores
@@ -33,8 +32,8 @@ def main() -> None:
         walks = [finished.walk for finished in workers.run(candidates)]
     survivors = [walk for walk in walks if walk.survived]
     feasible = [walk for walk in walks if assess(walk, settings.constraints).feasible]
-    print(f"survive {len(survivors) / len(walks):.1%} of {len(walks)}")
-    print(f"feasible {len(feasible) / len(walks):.1%}")
+    print(f"survive   {len(survivors) / len(walks):6.1%} of {len(walks)}")
+    print(f"feasible  {len(feasible) / len(walks):6.1%}")
     columns = {
         "forward [mm]": [1e3 * walk.forward for walk in survivors],
         "lateral [mm]": [1e3 * walk.lateral for walk in survivors],
@@ -44,9 +43,10 @@ def main() -> None:
         "yaw swing [deg]": [np.degrees(walk.measures.yaw_swing) for walk in survivors],
         "peak torque [N·m]": [walk.measures.peak_torque for walk in survivors],
     }
-    print(f"\n{heading(['survivors', 'median', '10th percentile', '90th percentile'])}")
+    print("survivors: median (10th to 90th percentile)")
     for name, values in columns.items():
-        print(row([name, *(f"{one:.2f}" for one in np.percentile(values, [50, 10, 90]))]))
+        low, middle, high = np.percentile(values, [10, 50, 90])
+        print(f"  {name:<24} {middle:8.2f} ({low:.2f} to {high:.2f})")
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 """One expendable process that walks trials.
 
-It shares nothing with its driver but a pipe of its own, so it may die at any instant, in C++ or by
-`kill -9`: the driver reads the end of the pipe and knows which trial was being walked. A pool
-whose processes share a queue and its locks does not survive that.
+It shares nothing with its driver but a pipe of its own. So it may die at any instant, in C++ or by
+`kill -9`. The driver reads the end of the pipe and knows which trial was being walked. A pool whose
+processes share a queue and its locks does not survive that.
 """
 
 import os
@@ -45,7 +45,7 @@ _ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THR
 
 
 class WorkerDiedError(Exception):
-    """A process died in the midst of a walk; the text says how."""
+    """Death of a process during a walk; the text says how."""
 
 
 @dataclass(kw_only=True)
@@ -62,7 +62,7 @@ class Vigil:
     _moved: float = 0.0
 
     def __call__(self, computed: float, now: float) -> bool:
-        """Whether it has computed, or stood still, for its limit since it was first asked."""
+        """Return whether it has computed, or stood still, for its limit since the first call."""
         if self._first is None:
             self._first, self._last, self._moved = computed, computed, now
         if computed > self._last:
@@ -120,7 +120,7 @@ class WorkerProcess:
         return True
 
     def _computing_time(self) -> float:
-        """What the process has computed in all its life [s]; 0 where it cannot be told."""
+        """Return the computing time of the process [s]; 0 where it is not known."""
         try:
             stat = Path(f"/proc/{self._process.pid}/stat").read_text() if self._process else ""
         except OSError:
@@ -197,7 +197,7 @@ class WorkerProcess:
 
 @dataclass(frozen=True, kw_only=True)
 class _Answer:
-    """What a function did in a worker process."""
+    """Outcome of a function in a worker process."""
 
     result: Any = None
     """What it returned."""
@@ -227,7 +227,7 @@ def _signals_blocked() -> Iterator[None]:
 
 
 def serve(descriptor: int, longest: float) -> None:
-    """What a worker process runs: walk what comes through the pipe until it closes.
+    """Walk all that comes through the pipe until it closes, in a worker process.
 
     Args:
         descriptor: File descriptor of its end of the pipe.
@@ -262,7 +262,7 @@ def serve(descriptor: int, longest: float) -> None:
 
 
 def _is_worn(walks: int) -> bool:
-    """Whether this process, which has walked so often, has grown or may have."""
+    """Return whether this process, which has walked so often, has grown or may have."""
     try:
         return resident_memory() > _MOST_MEMORY
     except OSError:
@@ -270,13 +270,13 @@ def _is_worn(walks: int) -> bool:
 
 
 def resident_memory() -> int:
-    """What this process holds [bytes]; an OSError where the system does not tell (proc(5))."""
+    """Return the memory of this process [bytes]; OSError if the system does not tell (proc(5))."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE")
 
 
 def _answer(function: Callable[[Any], Any], argument: Any) -> _Answer:
-    """What a function does, in a form that survives the way through a pipe."""
+    """Return a function's outcome, in a form that survives the way through a pipe."""
     try:
         return _Answer(result=function(argument))
     except BaseException as error:
@@ -290,7 +290,7 @@ def _answer(function: Callable[[Any], Any], argument: Any) -> _Answer:
 
 
 def _end_with_driver(descriptor: int) -> None:
-    """End this process when its driver is gone, even in the midst of a walk."""
+    """End this process when its driver is gone, even during a walk."""
     parent = os.getppid()
     poll = select.poll()
     poll.register(descriptor, 0)  # Reports the other end's closing, and nothing else.

@@ -9,7 +9,7 @@ from drake_gait.walk import WalkSettings
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:
-    """What one simulation is asked to walk: a gait on a pair of feet."""
+    """A gait on a pair of feet, which one simulation walks."""
 
     gait: Gait
     """The sixteen coefficients."""

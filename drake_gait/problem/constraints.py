@@ -134,7 +134,7 @@ class Assessment:
 
     @property
     def feasible(self) -> bool:
-        """Whether all constraints hold."""
+        """Return whether all constraints hold."""
         return not self.violations.any()
 
     @property

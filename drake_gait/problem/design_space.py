@@ -20,10 +20,10 @@ COEFFICIENTS = tuple(f"{waveform}_{term}" for waveform in WAVEFORMS for term in 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DesignSpace:
-    """Where gaits and feet are looked for.
+    """Space of gaits and feet that is searched.
 
-    A design vector x is dimensionless: samples are drawn from the `box` -1 <= x <= 1, and `limits`
-    says how far beyond it the search may go. Design variables of the foot that are not
+    A design vector x is dimensionless: samples are drawn from the `box` -1 <= x <= 1. The `limits`
+    say how far beyond it the search may go. Design variables of the foot that are not
     open stay as in `foot`.
     """
 
@@ -93,7 +93,7 @@ class DesignSpace:
 
     @property
     def limits(self) -> FloatArray:
-        """How far the search may go, shape (d, 2): Table I's ranges, and the foot's box."""
+        """Return the limits of the search, shape (d, 2): Table I's ranges, and the foot's box."""
         lower, upper = _coefficient_limits()
         coefficients = np.stack(
             [
@@ -106,7 +106,7 @@ class DesignSpace:
 
     @property
     def box(self) -> FloatArray:
-        """Where samples are drawn, shape (d, 2): -1 to 1, as far as the limits allow."""
+        """Return the box of the samples, shape (d, 2): -1 to 1, as far as the limits allow."""
         return np.clip([-1.0, 1.0], self.limits[:, :1], self.limits[:, 1:])
 
     def decode(self, x: ArrayLike) -> Candidate:

@@ -112,15 +112,13 @@ def write_outputs(
     how = walked_as(settings, best) if best else None
     replayed = simulate(best.candidate, how, history=True) if best else None
     measures = replayed.measures if replayed else None
-    result: dict[str, Any] = plain(
-        {
-            **summary(
-                settings, walks, network, wall_s=wall_s, baselines=baselines, proposer=proposer
-            ),
-            "measures": asdict(measures) if measures else None,
-            "jumps_deg": _jumps(best, settings.walk.start) if best else None,
-        }
-    )
+    result: dict[str, Any] = plain({
+        **summary(
+            settings, walks, network, wall_s=wall_s, baselines=baselines, proposer=proposer
+        ),
+        "measures": asdict(measures) if measures else None,
+        "jumps_deg": _jumps(best, settings.walk.start) if best else None,
+    })  # fmt: skip
     write(folder / RESULT, to_json(result) + "\n")
     make_folder(folder / FIGURES)
     _forget_unmade(folder, searched, replayed, network)

@@ -1,10 +1,10 @@
 """A study as an Optuna study: for its dashboard, its plots and its importances.
 
-A trial is a walk. Its parameters are the open design variables, its value is what the study
-maximises (the distance walked forward), its constraints are the scaled violations of Eqs. 11-14,
-in this order (Optuna: feasible at or below 0), and every other column of the study file is a user
-attribute; SI units, names as in the study file. A fall is a pruned trial, which reports its value
-at the frame where it ended; what could not be simulated is a failed one.
+A trial is a walk. Its parameters are the open design variables. Its value is what the study
+maximises: the distance walked forward. Its constraints are the scaled violations of Eqs. 11-14, in
+this order (Optuna: feasible at or below 0). Every other column of the study file is a user
+attribute, in SI units, with its name in the study file. A fall is a pruned trial, which reports its
+value at the frame where it ended; what could not be simulated is a failed one.
 """
 
 import math

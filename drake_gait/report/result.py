@@ -45,8 +45,8 @@ def summary(
     """Return the content of result.json, see `StudyResult`.
 
     Lengths in millimetres and angles in degrees where the key says so; the foot in SI units. Where
-    no walk is feasible, the best is the one nearest to it. A number that is not known is None: all
-    of a study without walks, and the distance of a walk that could not be simulated to its end.
+    no walk is feasible, the best is the one nearest to it. A number that is not known is None. A
+    study without walks has none, and a walk that could not be simulated to its end no distance.
     """
     searched = [walk for walk in walks if walk.is_search_walk]
     nominal_best = (
@@ -218,7 +218,7 @@ def r_squared_line(network: "Surrogate") -> str:
 
 
 def baselines_line(result: Mapping[str, Any]) -> str:
-    """Held-out R² of ridge and kriging, as a result has them, and how survival is told, as text."""
+    """Return held-out R² of ridge and kriging of a result, and the AUC of survival, as text."""
     pairs = ((f"r2_heldout_{name}", name) for name in ("ridge", "kriging"))
     parts = [
         f"{name} Z {_rounded(result[key]['forward'], 2)}   "

@@ -77,7 +77,7 @@ class FinalistResult:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StudyResult:
-    """What came out of a study; two with the same `plain()` are of the same numbers.
+    """Result of a study; two with the same `plain()` have the same numbers.
 
     A number that is not known is None, and null in the file.
     """

@@ -152,7 +152,7 @@ def _upright(walks: Sequence[StudyWalk]) -> str:
 
 
 def finalists(result: Mapping[str, Any], *, dropped: bool = False) -> Table | None:
-    """How the finalists walked again, tier by tier; None without any.
+    """Return how the finalists walked again, tier by tier; None without any.
 
     Those that were walked in full, or those that were not.
     """
@@ -227,7 +227,7 @@ def _share(counts: Mapping[str, Any] | None, key: str) -> str:
 
 
 def manner_of_finalists(result: Mapping[str, Any]) -> Table | None:
-    """How the finalists walk, alone; None where that was not measured."""
+    """Return how the finalists walk, alone; None where that was not measured."""
     found = [entry for entry in result.get("finalists") or [] if entry.get("measures")]
     if not found:
         return None
@@ -335,7 +335,7 @@ def stages(
 
 
 def failures(walks: Iterable[StudyWalk]) -> Table:
-    """What kept walks from their end: falls by their gait cycle, and other causes."""
+    """Return the causes of early ends: falls by their gait cycle, and others."""
     counts: Counter[str] = Counter()
     for entry in walks:
         walk = entry.walk
@@ -389,7 +389,7 @@ def _plain(value: Any) -> str:
 
 
 def versions(found: Mapping[str, str]) -> Table:
-    """What the numbers depend on."""
+    """Return the versions that the numbers depend on."""
     return Table(caption="Versions", columns=["of", "version"],
                  rows=[[name, value] for name, value in found.items()], numbers=False)  # fmt: skip
 

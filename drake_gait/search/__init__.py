@@ -1,1 +1,1 @@
-"""What is walked next, and what is believed of it."""
+"""The search: it decides what is walked next, and what is believed."""

@@ -1,6 +1,6 @@
-"""What ISADE minimises on the network: where a better feasible walk is to be expected.
+"""Acquisition: ISADE minimises it on the network, to find a better feasible walk.
 
-Where walks are on two grounds, a candidate is worth something only if it holds on both: near the
+Where walks are on two grounds, a candidate is worth something only if it holds on both. Near the
 edge of a limit the ground decides, not luck.
 """
 
@@ -116,7 +116,7 @@ def chance_to_hold(
     """Return the probability that all limits hold and the robot stays on its feet, shape (n,).
 
     On one ground each limit has the normal distribution of its quantity. On two, the error of a
-    prediction is the same at both ends, because most of it is the candidate's own: both ends hold
+    prediction is the same at both ends, because most of it is the candidate's own. Both ends hold
     if the interval between them, moved by one error, is within the limit. Of deviations and chances
     to survive the worse counts.
 

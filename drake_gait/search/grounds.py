@@ -1,8 +1,8 @@
 """Grounds: every walk of a search is on slippery or on sticky ground, and a network learns which.
 
-The ground of a walk is a number: -0.5 at the slippery end, `walk.friction` less
-`confirmation.friction` of it, 0.5 at the sticky one, 0 between. It follows from the walk's place in
-the study, so that the study file need not hold it, and it is one more input of a network. A
+The ground of a walk is a number: -0.5 at the slippery end, 0.5 at the sticky one, 0 between. An end
+differs by the part `confirmation.friction` from `walk.friction`. The ground follows from the walk's
+place in the study, so that the study file need not hold it. It is one more input of a network. A
 candidate is expected on both ends.
 
 Walks of one batch are on the same ground: what is compared is compared on the same one. (Varying

@@ -1,8 +1,8 @@
 """ISADE drives, the network screens: differential evolution of which only the best trials walk.
 
 ISADE's population are the most promising of the candidates that were walked. Its three schemes
-make many trials of them (Eq. 22, or those of the variant "history"); the network ranks the trials
-by the acquisition, on both grounds; the best of a batch, apart from each other, are walked. A walk
+make many trials of them (Eq. 22, or those of the variant "history"). The network ranks the trials
+by the acquisition, on both grounds. The best of a batch, apart from each other, are walked. A walk
 counts by what the network makes of it and of its neighbours, so that no lucky one stays for good.
 """
 
@@ -102,7 +102,7 @@ class NetworkIsade(NetworkProposer):
         trials: FloatArray,
         population: FloatArray,
     ) -> FloatArray:
-        """Return the trials of a batch, the best of those that are left each time."""
+        """Return the trials of a batch, each time the best of the rest."""
         settings = self._settings
         acquisition = Acquisition(
             asked,

@@ -1,8 +1,8 @@
-"""What a search believes: an ensemble of networks of its walks, and what it is to be asked.
+"""Beliefs of a search: an ensemble of networks of its walks, and the questions to it.
 
-A network learns the latest 600 walks, so that it never takes longer, and only when the walks have
-grown by a twentieth: between, the processes of its errors know the new ones. Which walks a network
-learns from follows from the iteration's number alone.
+A network learns the latest 600 walks, so that it never takes longer. It learns only when the walks
+have grown by a twentieth; until then the processes of its errors know the new ones. The iteration's
+number alone decides which walks a network learns from.
 """
 
 from collections.abc import Sequence

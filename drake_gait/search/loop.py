@@ -1,8 +1,8 @@
 """The procedure: samples, network, ISADE, confirmation by simulation (paper, IV.C, steps 1-6).
 
-The study file is the state. A search that goes on after an interruption reads it and proposes the
-same walks again, because every random number has an address (seed, purpose, index) and a network
-is trained on the walks of earlier iterations only.
+The study file is the state. A search that is resumed reads it and proposes the same walks again.
+For every random number has an address (seed, purpose, index), and a network is trained on the walks
+of earlier iterations only.
 """
 
 import threading
@@ -81,7 +81,7 @@ def useful_workers(settings: StudySettings, proposer: Proposer | None = None) ->
 
 
 def _in_background(function: Callable[[], Network | None]) -> "Future[Network | None]":
-    """What a function returns, from a thread that holds up no Ctrl-C: nobody waits for its end."""
+    """Return the promise of a function's value, from a thread that holds up no Ctrl-C."""
     promise: Future[Network | None] = Future()
 
     def keep() -> None:
@@ -95,7 +95,7 @@ def _in_background(function: Callable[[], Network | None]) -> "Future[Network | 
 
 
 class _Run:
-    """What the steps of one search do with the walks known so far.
+    """State of one search: its steps, and the walks known so far.
 
     Candidates are numbered from 0; those after a design of experiments have replicas.
     """
@@ -116,12 +116,12 @@ class _Run:
         return 1 + max(0, -(-rest // self._proposer.batch))
 
     def is_complete(self, iteration: int) -> bool:
-        """Whether every walk of an iteration is known."""
+        """Return whether every walk of an iteration is known."""
         ids = (id_ for number in self._numbers(iteration) for id_ in self._ids(number))
         return all(id_ in self._runner.walks for id_ in ids)
 
     def has_converged(self, iteration: int) -> bool:
-        """Whether as many networks as the study bears have not bettered the best feasible walk."""
+        """Return whether the allowed number of networks has not bettered the best feasible walk."""
         patience = self._plan.stagnation
         if patience is None or iteration <= patience:
             return False
@@ -137,7 +137,7 @@ class _Run:
                 self._start_learning(vintage)
 
     def network(self, iteration: int) -> Network | None:
-        """What an iteration uses, once it is learnt."""
+        """Return the network of an iteration, once it is learnt."""
         vintage = self._proposer.vintage(iteration)
         self._start_learning(vintage)
         self._networks = {key: one for key, one in self._networks.items() if key >= vintage}

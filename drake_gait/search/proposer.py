@@ -57,7 +57,7 @@ class Proposer(Protocol):
 
     @property
     def name(self) -> str:
-        """Its name with its settings: a study does not go on with a proposer of another name."""
+        """Its name with its settings: a proposer of another name does not resume a study."""
         ...
 
     @property

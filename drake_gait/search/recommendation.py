@@ -1,9 +1,9 @@
 """Recommendation: candidates in the order in which it pays to walk them again.
 
-The furthest single walk of a search is also the luckiest. What is recommended comes from the mean
-of a network that knows every walk, the answers of a confirmation too: first those whose chance to
-hold, times what they gain, is largest. Candidates that were never walked are among them, the means
-of a good one and its nearest feasible neighbours: an average avoids what is sensitive.
+The furthest single walk of a search is also the luckiest. A recommendation comes from the mean
+of a network that knows every walk, the answers of a confirmation too. First come those whose chance
+to hold, times what they gain, is largest. Candidates that were never walked are among them: the
+means of a good one and its nearest feasible neighbours. An average avoids what is sensitive.
 """
 
 from collections.abc import Sequence
@@ -57,11 +57,11 @@ class Recommended:
 
 
 class Adviser:
-    """What a finished search recommends, and what answers make of it.
+    """Recommendations of a finished search, which learn from every answer.
 
-    The network's chance is what it says of a walk that nobody made. How far it is to be believed,
-    and how much distance and a narrow margin cost beside it, is a logistic regression that begins
-    with what long searches have shown, and learns from every answer. The same samples and answers
+    The network's chance is what it says of a walk that nobody made. A logistic regression says how
+    far to believe it, and how much distance and a narrow margin cost beside it. It begins with the
+    experience of long searches, and learns from every answer. The same samples and answers
     recommend the same.
 
     Args:

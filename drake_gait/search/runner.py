@@ -24,7 +24,7 @@ Evaluate = Callable[[Sequence[Trial]], Iterable[Finished]]
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
-    """How far a search has come."""
+    """Progress of a search."""
 
     walks: int
     """Walks simulated."""
@@ -148,7 +148,7 @@ class Runner:
         self.report(self.progress())
 
     def progress(self) -> Progress:
-        """How far the study is."""
+        """Return how far the study is."""
         return Progress(
             walks=self._counts["walks"],
             total=self.settings.search.simulations,

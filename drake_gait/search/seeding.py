@@ -6,7 +6,7 @@ import numpy as np
 
 
 class Purpose(IntEnum):
-    """What random numbers are drawn for; a number given once is never given again."""
+    """Purpose of random numbers; a number given once is never given again."""
 
     DESIGN = 1
     """Samples in the box."""

@@ -42,7 +42,7 @@ class TrustRegion(NetworkProposer):
     """The default: an ensemble of networks chooses in a region that follows what was simulated.
 
     The region is the distribution of CMA-ES, which learns from every simulated walk where the
-    constraints leave room; a network could hardly tell it (docs/explanation/search.md).
+    constraints leave room. A network could hardly tell it (docs/explanation/search.md).
     Of many points that
     are drawn from it, those with the largest acquisition are simulated, and the optimum that ISADE
     finds in it.
@@ -101,11 +101,11 @@ class TrustRegion(NetworkProposer):
         self._draws = np.array([region.ask() for _ in range(_DRAWS * self.batch)])
 
     def _told_of(self, iteration: int, known: Sequence[Sample]) -> list[tuple[FloatArray, float]]:
-        """Return what the region is told of the last batch: points and their fitness.
+        """Return points and fitness that the region learns of the last batch.
 
-        Points that a model has picked alone would widen it without end. So it may be told all that
-        it drew (Hansen 2019, Bajer and others 2019), each with the fitness to expect on the ground
-        of the batch, which follows from the walks of the study file alone.
+        Points that a model has picked alone would widen it without end. So it may learn all that it
+        drew (Hansen 2019, Bajer and others 2019). Each has the fitness to expect on the ground of
+        the batch, which follows from the walks of the study file alone.
         """
         space = self._settings.space
         told = [
@@ -156,7 +156,7 @@ class TrustRegion(NetworkProposer):
         )
 
     def _is_stuck(self, iteration: int, known: Sequence[Sample]) -> bool:
-        """Whether the region has left what is feasible behind, or has shrunk to a point."""
+        """Return whether the region has left all feasible points, or has shrunk to a point."""
         if cast(CMA, self._region).should_stop():
             return True
         if iteration - self._started < _PATIENCE:

@@ -30,9 +30,9 @@ def box_corners(
 def out_of_reach(plant: MultibodyPlant, scene_graph: SceneGraph) -> list[GeometryId]:
     """The boxes that cannot touch the ground before the robot has fallen, whatever it does.
 
-    Until then the torso leans no further than FALL_TILT and is no lower than FALL_HEIGHT of where
-    it is by default, standing; and hinges do not change how far a box is from the hinge that
-    carries its link.
+    Until then the torso leans no further than FALL_TILT, and is no lower than FALL_HEIGHT of its
+    height when it stands. Hinges do not change how far a box is from the hinge that carries its
+    link.
 
     Args:
         plant: A finalized one with a torso over a horizontal plane.
@@ -53,7 +53,7 @@ def out_of_reach(plant: MultibodyPlant, scene_graph: SceneGraph) -> list[Geometr
     carrying = {joint.child_body().index(): joint for joint in joints}
 
     def lowest(body: RigidBody, p_WP: FloatArray) -> float:
-        """How near the ground points of a body can be [m]; by default they are at p_WP, (3, n)."""
+        """Return how near the ground points of a body can be [m]; by default at p_WP, (3, n)."""
         if body.index() == torso.index():
             x, y, z = X_WT.inverse() @ p_WP
             outward = np.hypot(x, y)

@@ -291,7 +291,7 @@ def _springs(plant: MultibodyPlant) -> list[RevoluteSpring]:
 
 
 def stall_torques(model: Model = DEFAULT_MODEL) -> FloatArray:
-    """What each servo can hold [N·m], shape (10,), ordered as JOINTS: the model's effort limits.
+    """Return the model's effort limits [N·m], shape (10,), ordered as JOINTS.
 
     Raises:
         ModelError: the description cannot be used.

@@ -250,8 +250,8 @@ def _robot(config: PlantConfig, *, logged: bool = False) -> Robot:
 def _standing(config: PlantConfig) -> FloatArray:
     """Positions of the robot at rest on the paper's feet, shape (21,), or (17,) with rigid toes.
 
-    Every foot starts its walk from them: what other toes would change is a thousandth of a radian
-    in the toes themselves and microns elsewhere, and settling costs a fifth of a walk.
+    Every foot starts its walk from them. Other toes would change a thousandth of a radian in the
+    toes themselves and microns elsewhere, and settling costs a fifth of a walk.
     """
     model, foot = read_model(config.model), config.foot or FootDesign()
     robot = _robot(config)

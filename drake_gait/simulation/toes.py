@@ -23,8 +23,8 @@ _LIKE_A_PLATE = 1e-5
 def with_toes(root: Element, foot: FootDesign) -> None:
     """Give a robot description the toes of `foot`; its springs and dampers are not written.
 
-    The outline of the foot stays: both toes keep their tips and their outer edges, and the heel
-    part begins where it did and ends at the hinges. Thickness and areal density stay too, so that
+    The outline of the foot stays: both toes keep their tips and their outer edges. The heel part
+    begins where it did and ends at the hinges. Thickness and areal density stay too, so that
     boxes, masses and inertias follow width and length. Toes that are rigid are welded to the heel.
 
     Args:
@@ -113,7 +113,7 @@ def _resize_inertia(
 
 
 def _is_plate(link: Element, mass: float, size: list[float]) -> bool:
-    """Whether a link has the inertia of a plate of its mass and size, in the plate's middle."""
+    """Return whether a link has the inertia of a plate of its mass and size."""
     squares = np.array(size) ** 2
     wanted = mass / 12.0 * (squares.sum() - squares)
     found = [float(_text(link, f"inertial/inertia/i{axis}{axis}")) for axis in _AXES]

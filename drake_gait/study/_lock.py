@@ -1,4 +1,4 @@
-"""Who may write a study: one driver at a time, by a lock that dies with its process."""
+"""Lock of a study: one driver at a time writes it. The lock dies with its process."""
 
 import errno
 import fcntl
@@ -52,7 +52,7 @@ def driver_lock(path: Path) -> IO[str]:
 
 
 def is_driven(path: Path) -> bool:
-    """Whether any process holds the study file `path` as its driver at this moment."""
+    """Return whether any process holds the study file `path` as its driver at this moment."""
     try:
         lock = _lock_file(path).open(encoding="utf-8")
     except OSError:
@@ -66,7 +66,7 @@ def is_driven(path: Path) -> bool:
 
 
 def is_driven_elsewhere(path: Path) -> bool:
-    """Whether the driver of the study file `path` runs on another computer."""
+    """Return whether the driver of the study file `path` runs on another computer."""
     if not is_driven(path):
         return False
     with suppress(OSError, UnicodeDecodeError):

@@ -93,7 +93,7 @@ class Finalist:
 
     @property
     def robust(self) -> bool:
-        """Whether it repeats at the search's fidelity."""
+        """Return whether it repeats at the search's fidelity."""
         return self.tier >= Tier.REPEATS
 
     @property
@@ -115,7 +115,7 @@ class Finalist:
 
     @property
     def slipping(self) -> bool | None:
-        """Whether it advances by sliding; None where that was not measured."""
+        """Return whether it advances by sliding; None where that was not measured."""
         if self.measured is None or self.measured.walk.measures is None:
             return None
         return shuffles(self.measured.walk.measures.slip, self.walk.walk.forward)

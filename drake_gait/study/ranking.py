@@ -1,4 +1,4 @@
-"""Which walks of a study are better: feasible before infeasible, then further (or cheaper)."""
+"""Order of a study's walks: feasible before infeasible, then further (or cheaper)."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -37,11 +37,11 @@ class Sample:
 
     @property
     def rank(self) -> tuple[int, float, int]:
-        """What sorts samples, the best first.
+        """Return the key that sorts samples, the best first.
 
         A candidate that was walked once is behind those with all replicas. A walk on its feet is
-        nearer to a feasible one than a fall, and a fall nearer than what could not be simulated,
-        whose numbers mean nothing.
+        nearer to a feasible one than a fall. Last comes a walk that could not be simulated: its
+        numbers mean nothing.
         """
         outcome = list(Outcome).index(self.walks[0].walk.outcome)
         if self.assessment.feasible:
@@ -64,7 +64,7 @@ def sample(number: int, walks: Sequence[StudyWalk], settings: "StudySettings") -
 
 
 def robust_count(walks: int) -> int:
-    """How many of a candidate's walks must be feasible."""
+    """Return how many of a candidate's walks must be feasible."""
     return int(np.ceil(ROBUST_SHARE * walks))
 
 

@@ -103,9 +103,9 @@ def read_study(
 
 
 def read_override(text: str) -> tuple[tuple[str, str], Any]:
-    """What `section.key=value` overrides: section and key, and the value.
+    """Return the section and key that `section.key=value` overrides, and the value.
 
-    The value is read as TOML; a word that is none is taken as text, so that text needs no quotes.
+    Values that are not valid TOML are read as strings, so that text needs no quotes.
 
     Raises:
         SettingsError: it is not of this form.

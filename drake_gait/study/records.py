@@ -85,7 +85,7 @@ class StudyWalk:
 
     @property
     def is_search_walk(self) -> bool:
-        """Whether the search asked for it, replicas included; the other walks confirm others."""
+        """Return whether the search asked for it, replicas included; other walks confirm."""
         return self.stage != CONFIRMATION
 
     @property

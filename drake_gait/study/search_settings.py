@@ -1,4 +1,4 @@
-"""How a study searches: by which procedure, with how many walks, and how it confirms its winner."""
+"""Settings of a search: its procedure, its number of walks, and its confirmation."""
 
 import math
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ from drake_gait.walk import MOST_DELAY
 
 
 class Mode(StrEnum):
-    """What proposes the walks of a study."""
+    """Procedure that proposes the walks of a study."""
 
     DEFAULT = "default"
     """An ensemble of networks, ISADE on the improvement to expect, a trust region."""
@@ -29,7 +29,7 @@ class Mode(StrEnum):
 
 
 class Risk(StrEnum):
-    """What a search on two grounds weighs against distance."""
+    """Weight of safety against distance, in a search on two grounds."""
 
     MEAN = "mean"
     """The improvement to expect, and the chance to hold, of the mean of both grounds."""
@@ -45,7 +45,7 @@ MOST_SIMULATIONS = 1_000_000
 
 @dataclass(frozen=True, kw_only=True)
 class SearchSettings:
-    """How much is simulated, and in what portions."""
+    """Number of walks of a search, and its batches."""
 
     mode: Mode = Mode.DEFAULT
     """What proposes the walks."""
@@ -106,7 +106,7 @@ class SearchSettings:
 
     @property
     def learns(self) -> bool:
-        """Whether networks propose, from a design of experiments on."""
+        """Return whether networks propose, from a design of experiments on."""
         return self.mode in (Mode.DEFAULT, Mode.ISADE_NETWORK, Mode.PAPER)
 
 
@@ -121,7 +121,7 @@ _HALF = Range(lower=0.0, upper=0.5)
 
 @dataclass(frozen=True, kw_only=True)
 class ConfirmationSettings:
-    """How the best candidates of a search are walked again, tier by tier (study.finalists.Tier).
+    """Walks that confirm the best candidates, tier by tier (study.finalists.Tier).
 
     `replicas` walks of a candidate are made with noise on every coefficient and friction that is
     lower and higher in turn, and as many with fresh noise at reference fidelity. In each tier

@@ -97,7 +97,7 @@ class StudySettings:
 
     @property
     def two_grounds(self) -> bool:
-        """Whether the walks of the search alternate between slippery and sticky ground."""
+        """Return whether the search's walks alternate between slippery and sticky ground."""
         alternates = self.search.grounds and self.search.mode is not Mode.PAPER
         return alternates and self.confirmation.friction > 0.0
 

@@ -14,7 +14,7 @@ docs/reference/study.md lists the columns. The driver is the only writer and com
 finishes; how, and what a copy of the file holds, says `database`.
 
 A change of the columns is a new schema. Older ones down to schema 2 are read, with nothing in the
-columns that they lack, and get those from the driver that goes on with them.
+columns that they lack. The driver that resumes one adds these columns.
 """
 
 import json
@@ -231,7 +231,7 @@ class Study:
     def require(self, wanted: Mapping[str, Any]) -> None:
         """Refuse to go on where the study was made with something else than `wanted`.
 
-        Another search.simulations is accepted if it has room for all walks that there are.
+        Another search.simulations is accepted if it has room for all walks of the file.
 
         Raises:
             StudyError: names the first setting that differs, or that the robot's file does.
@@ -321,9 +321,9 @@ class Study:
         """All walks so far, in the order of their ids: `pandas.DataFrame(study.table())`.
 
         Returns:
-            Every column of the file by its name, shape (n,): whole numbers as int64, others and
-            those that a walk may lack as float64 (nan where it does), text as str. Units are those
-            of docs/reference/study.md.
+            Every column of the file by its name, shape (n,). Whole numbers are int64, and text is
+            str. Other numbers, and those that a walk may lack, are float64, with nan for none.
+            Units are those of docs/reference/study.md.
         """
         names, rows = self.rows()
         columns = zip(*rows, strict=True) if rows else [()] * len(names)
@@ -349,7 +349,7 @@ def study_file(path: str | Path) -> Path:
     path = Path(path)
     try:
         return path / "study.db" if path.is_dir() else path
-    except OSError:  # It cannot be told; whoever opens the file is told why.
+    except OSError:  # Whoever opens the file learns why.
         return path
 
 

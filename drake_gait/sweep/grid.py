@@ -18,7 +18,7 @@ from drake_gait.execution.machine import default_workers
 from drake_gait.files.destination import make_folder
 from drake_gait.files.strict_json import plain
 from drake_gait.gait import Gait
-from drake_gait.optimization import OnRobot, to_its_end, workers_of
+from drake_gait.optimization import OnRobot, identity, to_its_end, workers_of
 from drake_gait.problem import Candidate, Trial
 from drake_gait.provenance import versions
 from drake_gait.robot.description import RobotModel, read_model
@@ -155,7 +155,7 @@ def open_grid(grid: Grid, folder: Path) -> Study:
     """
     path, settings = folder / "study.db", study_of(grid)
     model = read_model(settings.walk.model)
-    wanted = {"settings": settings.description(), "model_sha256": model.sha256}
+    wanted = identity(settings, model)
     if not path.exists():
         _refuse_walks_without_study(folder)
         _try_feet(grid, model)
