@@ -15,6 +15,7 @@ from drake_gait.robot.sdf import TOE_HINGES
 from drake_gait.servo import Servo
 from drake_gait.simulation.command_source import desired_state
 from drake_gait.simulation.plant import build_robot, sole_corners
+from drake_gait.simulation.plant_config import PlantConfig
 
 HINGES = (*JOINTS, *TOE_HINGES)
 FOOT = FootDesign(big_toe_width=0.030)  # not the table's width
@@ -52,7 +53,7 @@ def test_any_posture_is_the_same_in_both_engines(model: mujoco.MjModel) -> None:
     angles = dict(zip(HINGES, rng.uniform(0.05, 0.5, len(HINGES)), strict=True))
     X_WT = RigidTransform(RollPitchYaw(rng.uniform(-1.0, 1.0, 3)), rng.uniform(-1.0, 1.0, 3))
 
-    drake = build_robot("khr3hv.sdf", FOOT, Servo())
+    drake = build_robot(PlantConfig(foot=FOOT))
     plant, context = drake.plant, drake.plant.CreateDefaultContext()
     plant.SetFreeBodyPose(context, plant.GetBodyByName("torso"), X_WT)
     data = mujoco.MjData(model)

@@ -18,11 +18,11 @@ from drake_gait import Candidate, FootDesign, Gait, simulate
 from drake_gait.execution.worker_process import resident_memory
 from drake_gait.foot import DESIGN_LIMITS
 from drake_gait.gait import FloatArray
-from drake_gait.servo import Servo
 from drake_gait.simulation import simulate as simulation
 from drake_gait.simulation.plant import add_robot, build_robot
+from drake_gait.simulation.plant_config import PlantConfig
 from drake_gait.study.reading import default_study, read_study
-from drake_gait.walk import DEFAULT_MODEL, Walk, WalkSettings
+from drake_gait.walk import Walk, WalkSettings
 
 NOISE = np.radians(0.05)
 
@@ -38,7 +38,7 @@ def cpu_ms(function: Callable[[], object], repetitions: int = 10) -> float:
 
 def settled(foot: FootDesign) -> FloatArray:
     """Positions after standing on this very foot for a second."""
-    robot = build_robot(DEFAULT_MODEL, foot, Servo())
+    robot = build_robot(PlantConfig(foot=foot))
     context = robot.diagram.CreateDefaultContext()
     plant_context = robot.plant.GetMyMutableContextFromRoot(context)
     robot.set_foot(plant_context, foot)
@@ -81,12 +81,10 @@ def main() -> None:
     middle = space.decode(np.zeros(space.dimension))
     simulate(middle)
     print(f"a walk: {cpu_ms(lambda: simulate(middle), 3):.0f} ms")
-    with_looks = cpu_ms(
-        lambda: add_robot(DiagramBuilder(), DEFAULT_MODEL, FootDesign(), Servo(), looks=True)
-    )
+    with_looks = cpu_ms(lambda: add_robot(DiagramBuilder(), PlantConfig()))
     print(f"a robot as the file has it: {with_looks:.0f} ms")
     before = resident_memory()
-    bare = cpu_ms(lambda: build_robot(DEFAULT_MODEL, FootDesign(), Servo()), 50)
+    bare = cpu_ms(lambda: build_robot(PlantConfig()), 50)
     print(f"a robot for walks: {bare:.0f} ms, {(resident_memory() - before) / 51e6:.2f} MB kept")
     print(f"and to settle on it: {cpu_ms(lambda: settled(FootDesign())) - bare:.0f} ms")
     opened = replace(

@@ -18,6 +18,13 @@ def desired_state(commands: FloatArray, time: float) -> FloatArray:
     return _between_frames(_with_rates(commands), time)
 
 
+def commands_at(commands: FloatArray, time: FloatArray) -> FloatArray:
+    """Commands [rad] at many instants [s], shape (k,): shape (k, 10); see `desired_state`."""
+    frames = np.arange(len(commands)) * FRAME_TIME
+    columns = [np.interp(time, frames, column) for column in commands.T]
+    return np.column_stack(columns)
+
+
 def _with_rates(commands: FloatArray) -> FloatArray:
     """Commands followed by zero rates, shape (n, 20)."""
     return np.hstack([commands, np.zeros_like(commands)])

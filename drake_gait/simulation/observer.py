@@ -1,7 +1,8 @@
-"""Watches a walk while it is simulated: its time histories and its measures.
+"""Watches a walk while it is simulated: its time histories, and its measures by Drake itself.
 
-Histories are taken at the control frames. Work, slip and peaks are summed at every step of the
-integrator, because torques change faster than frames come.
+Histories are taken at the control frames. Drake is asked for contacts and torques at every step,
+which takes twice the time of the walk: the measures of a walk come from its log (`meter`), and
+those of here test them.
 """
 
 from dataclasses import dataclass
@@ -14,19 +15,16 @@ from pydrake.multibody.plant import ContactResults
 from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import Context, EventStatus
 
-from drake_gait.gait import CYCLE_TIME, FRAME_TIME, JOINTS, WALKING, FloatArray
+from drake_gait.gait import CYCLE_TIME, FRAME_TIME, JOINTS, FloatArray
 from drake_gait.robot.sdf import ANKLES, BASE, FOOT_LINKS, SIDES, TOE_HINGES
 from drake_gait.simulation.contact import ground_of
+from drake_gait.simulation.measures import LOADED, swing_clearance
 from drake_gait.simulation.messages import default_context
 from drake_gait.simulation.plant import Robot, sole_corners
 from drake_gait.walk import History, Measures
 
-LOADED = 0.5
-"""Vertical force from which a foot counts as carrying load [N]: 3 % of the robot's weight."""
-
 _SATURATED = 1.0 - 1e-6  # of the stall torque
-_SHORTEST_SWING = 4  # frames; a foot that is let go bounces for three at most
-_RIPPLE = 0.0003  # Changes of height that are the contact's, not the leg's [m].
+_LIGHTEST = 1e-6  # A load whose centre is not looked for [N].
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,15 +44,26 @@ class Touch:
 class Observer:
     """Collects a History and Measures: `record` every frame, `monitor` every step."""
 
-    def __init__(self, robot: Robot, commands: FloatArray) -> None:
-        self._robot = robot
-        self._commands = commands
+    def __init__(
+        self, robot: Robot, commands: FloatArray, sent: FloatArray | None = None, mass: float = 1.0
+    ) -> None:
+        """Watch a robot.
+
+        Args:
+            robot: What walks.
+            commands: What it follows [rad], shape (241, 10).
+            sent: What its servos get, where it differs.
+            mass: Factor on the mass of every link.
+        """
+        self._robot, self._commands, self._mass_factor = robot, commands, mass
+        servo = robot.config.servo
+        sent = commands if sent is None else sent
         plant = robot.plant
         # A copy to read from: the caches of the simulated context lag behind its state by up to a
         # step of CENIC's, and reading must not change what is simulated.
         self._context = default_context(robot.diagram)
         self._plant_context = plant.GetMyMutableContextFromRoot(self._context)
-        robot.gait.set_commands(robot.gait.GetMyMutableContextFromRoot(self._context), commands)
+        robot.gait.set_commands(robot.gait.GetMyMutableContextFromRoot(self._context), sent)
         self._torso = plant.GetBodyByName(BASE)
         self._ankles = [plant.GetBodyByName(name) for name in ANKLES]
         joints = [plant.GetJointByName(name) for name in JOINTS]
@@ -70,7 +79,7 @@ class Observer:
         self._stall: FloatArray = np.array(
             [plant.GetJointActuatorByName(name).effort_limit() for name in JOINTS]
         )
-        self._back_emf: FloatArray = self._stall / robot.servo.no_load_speed
+        self._back_emf: FloatArray = self._stall / (robot.config.voltage * servo.no_load_speed)
         self._feet = [[plant.GetBodyByName(f"{link}_{side}") for link in FOOT_LINKS]
                       for side in SIDES]  # fmt: skip
         self._corners = [[sole_corners(robot, body) for body in foot] for foot in self._feet]
@@ -147,7 +156,8 @@ class Observer:
         """The measures of a walk with this history that went `forward` [m] and swung so [rad]."""
         plant = self._robot.plant
         gravity = np.abs(plant.gravity_field().gravity_vector()[2])
-        weight = plant.CalcTotalMass(plant.CreateDefaultContext()) * gravity
+        mass = self._mass_factor * plant.CalcTotalMass(plant.CreateDefaultContext())
+        weight = mass * gravity
         loaded = history.ground_reaction[:, :, 2] > LOADED
         cycle = (history.time >= CYCLE_TIME) & (history.time < 2.0 * CYCLE_TIME)
         duty = loaded[cycle].mean(axis=0) if cycle.any() else np.full(2, np.nan)
@@ -204,9 +214,13 @@ class Observer:
         found: list[tuple[tuple[GeometryId, GeometryId], FloatArray, FloatArray]] = []
         for index in range(results.num_hydroelastic_contacts()):
             patch = results.hydroelastic_contact_info(index)
-            surface, force = patch.contact_surface(), patch.F_Ac_W().translational()
+            surface, F_Ac_W = patch.contact_surface(), patch.F_Ac_W()
+            force, torque = F_Ac_W.translational(), F_Ac_W.rotational()
             ids = surface.id_M(), surface.id_N()
-            found.append((ids, force, cast(FloatArray, surface.centroid())))
+            # The centre of its load, about which it has no horizontal moment.
+            arm: FloatArray = np.array([-torque[1], torque[0], 0.0])
+            arm /= force[2] if abs(force[2]) > _LIGHTEST else np.inf
+            found.append((ids, force, cast(FloatArray, surface.centroid()) + arm))
         for index in range(results.num_point_pair_contacts()):
             pair = results.point_pair_contact_info(index)
             ids = pair.point_pair().id_A, pair.point_pair().id_B
@@ -259,38 +273,3 @@ class Observer:
             for bodies, foot_corners in zip(self._feet, self._corners, strict=True)
         ]
         return np.array(heights)
-
-
-def swing_clearance(height: FloatArray) -> float:
-    """Return the minimum toe clearance of a foot in the lowest of its swings [m].
-
-    A swing lasts from lift-off to touch-down, between 0.3 and 3.3 s: while no point of foot and
-    toes touches the ground. Its clearance is the least height from its first to its last maximum.
-    That is the local minimum in mid-swing (Winter 1992; Begg et al. 2007), or the top of a swing
-    with one maximum. Lift-off and touch-down, where every toe is at the ground, do not count.
-
-    Args:
-        height: Height of the foot's lowest point at each frame from time 0 [m], shape (n,).
-
-    Returns:
-        0 for a foot without a whole swing: it stands, drags its toe, or stays in the air.
-    """
-    frames = height[WALKING[0] - 1 : WALKING[1] + 1]
-    aloft = np.concatenate([[0], frames > 0.0, [0]])
-    swings = np.flatnonzero(np.diff(aloft)).reshape(-1, 2)
-    whole = [
-        frames[begin:end]
-        for begin, end in swings
-        if begin > 0 and end < len(frames) and end - begin >= _SHORTEST_SWING
-    ]
-    found = (_mid_swing(swing) for swing in whole if swing.max() > _RIPPLE)
-    return min(found, default=0.0)
-
-
-def _mid_swing(height: FloatArray) -> float:
-    """Return the least height from the first to the last maximum of one swing [m]."""
-    from scipy.signal import find_peaks  # Walks without measures are spared its import.
-
-    maxima, _ = find_peaks(np.pad(height, 1), prominence=_RIPPLE)
-    first, last = maxima[0] - 1, maxima[-1] - 1
-    return float(height[first : last + 1].min())

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -22,7 +23,7 @@ from pydrake.multibody.tree import (
     RigidBody,
     SpatialInertia,
 )
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, TriggerType
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
 from drake_gait.errors import ModelError
@@ -43,8 +44,10 @@ from drake_gait.simulation.contact import (
     plates,
 )
 from drake_gait.simulation.messages import drake_messages, in_one_line, without_folders
+from drake_gait.simulation.meter import Meter
+from drake_gait.simulation.plant_config import PlantConfig
 from drake_gait.simulation.toes import with_toes
-from drake_gait.sole import Contact, Sole
+from drake_gait.sole import Sole
 from drake_gait.walk import DEFAULT_MODEL
 
 _NEVER: tuple[FloatArray, FloatArray] = (np.array([-np.inf]), np.array([np.inf]))
@@ -57,6 +60,8 @@ _OUT_OF_REACH = np.pi / 2.0
 class Robot:
     """The diagram of one robot on the ground, for any gait and any springs in its toes."""
 
+    config: PlantConfig
+    """What it was made from."""
     diagram: Diagram
     """Gait system, plant and scene graph."""
     plant: MultibodyPlant
@@ -67,10 +72,15 @@ class Robot:
     """Sends the commands."""
     frames: VectorLogSink | None
     """Logs positions, then velocities, of the plant at the control frames, where it is `logged`."""
+    steps: VectorLogSink | None
+    """Logs the same at the end of every step."""
     springs: tuple[RevoluteSpring, ...]
     """The toes' springs, ordered as TOE_HINGES; none where the toes are rigid."""
-    servo: Servo
-    """Its ten servos."""
+
+    @cached_property
+    def meter(self) -> Meter:
+        """What measures its walks."""
+        return Meter(self.plant, self.scene_graph, self.config)
 
     def set_foot(self, plant_context: Context, foot: FootDesign) -> None:
         """Put the springs and dampers of a foot into a context; its shape is in the diagram."""
@@ -103,30 +113,18 @@ class Robot:
 
 
 def add_robot(
-    builder: DiagramBuilder,
-    model: Model,
-    foot: FootDesign | None,
-    servo: Servo,
-    *,
-    time_step: float = 0.0,
-    looks: bool = True,
-    friction: float = 1.0,
-    sole: Sole = Sole.AREA,
-    contact: Contact | None = None,
+    builder: DiagramBuilder, config: PlantConfig, *, looks: bool = True
 ) -> tuple[MultibodyPlant, SceneGraph]:
     """Add plant and scene graph of the robot on the ground to a diagram.
 
-    The plant is continuous, or, with a `time_step` [s], discrete with Drake's lagged solver.
-    Without a `foot` the robot has the toes of its file.
     Without `looks` it has the shapes that touch only.
-    The friction between feet and ground is `friction` times that of the description.
-    It stands on a `sole`, whose size and softness `contact` says.
 
     Raises:
         ModelError: the description cannot be read, or is not a biped with the joints needed.
     """
-    model = read_model(model)
-    plant, scene_graph = _empty_plant(builder, time_step)
+    foot, sole, contact = config.foot, config.sole, config.contact
+    model = read_model(config.model)
+    plant, scene_graph = _empty_plant(builder, config.time_step)
     rigid = foot is not None and foot.rigid_toes
     with _naming(model), drake_messages() as messages:
         root = tree(model.content)
@@ -134,7 +132,7 @@ def add_robot(
             with_toes(root, foot)
         if not looks:
             remove_looks(root)
-        with_friction(root, friction, GROUND_FRICTION)
+        with_friction(root, config.friction, GROUND_FRICTION)
         with files_of(model, looks=looks) as (folder, uris):
             with_files(root, uris)
             _parse(plant, root, folder)
@@ -142,7 +140,7 @@ def add_robot(
             if sole is not Sole.BOXES:
                 add_soles(plant, _plates(root, folder), sole, contact)
         add_ground(plant, sole, contact)
-        _add_servos(plant, servo)
+        _add_servos(plant, config.servo)
         plant.Finalize()
         _check_base(plant)
         if sole is not Sole.BOXES:
@@ -243,44 +241,39 @@ def sole_corners(robot: Robot, body: RigidBody) -> FloatArray:
     return np.hstack(list(box_corners(robot.plant, robot.scene_graph, body).values()))
 
 
-def build_robot(
-    model: Model,
-    foot: FootDesign | None,
-    servo: Servo,
-    *,
-    time_step: float = 0.0,
-    friction: float = 1.0,
-    logged: bool = False,
-    sole: Sole = Sole.AREA,
-    contact: Contact | None = None,
-) -> Robot:
+def build_robot(config: PlantConfig, *, logged: bool = False) -> Robot:
     """The diagram of a robot whose servos follow a GaitSystem, for walks that nobody looks at.
+
+    Args:
+        config: What to make it from.
+        logged: Whether Drake logs its states.
 
     Raises:
         ModelError: see `add_robot`.
     """
     builder = DiagramBuilder()
-    plant, scene_graph = add_robot(
-        builder, model, foot, servo, time_step=time_step, friction=friction, looks=False,
-        sole=sole, contact=contact,
-    )  # fmt: skip
+    plant, scene_graph = add_robot(builder, config, looks=False)
     gait = GaitSystem()
     builder.AddSystem(gait)
     state = plant.get_state_output_port()
-    frames = LogVectorOutput(state, builder, FRAME_TIME) if logged else None
     instance = plant.GetBodyByName(BASE).model_instance()
     builder.Connect(
         gait.GetOutputPort("desired_state"), plant.get_desired_state_input_port(instance)
     )
-    return Robot(
-        diagram=builder.Build(),
+    robot = Robot(
+        config=config,
         plant=plant,
         scene_graph=scene_graph,
         gait=gait,
-        frames=frames,
-        springs=() if foot is not None and foot.rigid_toes else _toe_springs(plant),
-        servo=servo,
+        frames=LogVectorOutput(state, builder, FRAME_TIME) if logged else None,
+        # At the end of every step: it changes no step.
+        steps=LogVectorOutput(state, builder, {TriggerType.kPerStep}) if logged else None,
+        springs=() if config.foot is not None and config.foot.rigid_toes else _toe_springs(plant),
+        diagram=builder.Build(),
     )
+    # Back-EMF per speed is stall torque / no-load speed, which both scale: it stays.
+    robot.scale_stall_torques(config.voltage)
+    return robot
 
 
 def _toe_springs(plant: MultibodyPlant) -> tuple[RevoluteSpring, ...]:
@@ -303,7 +296,7 @@ def stall_torques(model: Model = DEFAULT_MODEL) -> FloatArray:
     Raises:
         ModelError: the description cannot be used.
     """
-    plant, _ = add_robot(DiagramBuilder(), model, FootDesign(), Servo())
+    plant, _ = add_robot(DiagramBuilder(), PlantConfig(model=model))
     limits: FloatArray = np.array(
         [plant.GetJointActuatorByName(name).effort_limit() for name in JOINTS]
     )

@@ -20,10 +20,11 @@ from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray, joint_commands
 from drake_gait.problem import Candidate, Trial
 from drake_gait.robot.description import RobotModel, read_model
 from drake_gait.robot.sdf import BASE
-from drake_gait.servo import Servo
+from drake_gait.simulation.measures import measures_of
 from drake_gait.simulation.messages import default_context, drake_messages
 from drake_gait.simulation.observer import Observer
 from drake_gait.simulation.plant import Robot, build_robot
+from drake_gait.simulation.plant_config import PlantConfig
 from drake_gait.simulation.posture import (
     SETTLING_TIME,
     Posture,
@@ -33,12 +34,13 @@ from drake_gait.simulation.posture import (
     walk_of,
 )
 from drake_gait.simulation.stance import check_placed, check_toes
-from drake_gait.sole import Contact, Sole
+from drake_gait.sole import Sole
 from drake_gait.walk import (
     SEARCH_STEP,
     Disturbance,
     Engine,
     Integrator,
+    Measures,
     Outcome,
     Walk,
     WalkSettings,
@@ -68,6 +70,9 @@ _FRAMES_AT_A_TIME = 10
 To come back to Python at every frame costs 4 % of a walk; to look seldom, the steps after a fall.
 """
 
+_SAME_TIME = 1e-9
+"""Instants that differ by less are the same [s]."""
+
 # A step must not miss a frame's instant by rounding: the sliver of a step that is left has no
 # solution, and CENIC fails an assertion. A step this much longer is always cut at the frame.
 _STEP_EXCESS = 1.0 + 1e-6
@@ -87,7 +92,7 @@ def simulate(
     Args:
         candidate: The gait, and the foot it walks on.
         settings: How to simulate; by default the shipped robot at search fidelity.
-        history: Whether to record time histories at the control frames, and measures.
+        history: Whether to record time histories at the control frames.
         watch: Told of every frame as it is reached; it changes no number.
 
     Raises:
@@ -123,7 +128,7 @@ def follow(
         commands: Joint angles [rad], shape (241, 10), columns as gait.JOINTS, one row a frame.
         foot: The toes; the paper's by default.
         settings: How to simulate; by default the shipped robot at search fidelity.
-        history: Whether to record time histories at the control frames, and measures.
+        history: Whether to record time histories at the control frames.
         watch: Told of every frame as it is reached.
 
     Raises:
@@ -132,15 +137,30 @@ def follow(
     """
     commands = joint_commands(commands)
     foot, settings = foot or FootDesign(), settings or WalkSettings()
-    observed = history or settings.measures
     if settings.engine is Engine.MUJOCO:
-        walk = follow_in_mujoco()(commands, foot, settings, observed=observed, watch=watch)
-    else:
-        robot, context = prepare(commands, foot, settings)
-        observer = Observer(robot, commands) if observed else None
-        with drake_messages():
-            walk = _advance(robot, context, settings, observer, watch)
-    return walk if history else replace(walk, history=None)
+        return follow_in_mujoco()(commands, foot, settings, history=history, watch=watch)
+    robot, context = prepare(commands, foot, settings)
+    observer = _observer(robot, commands, settings) if history else None
+    with drake_messages():
+        sent = _sent(commands, settings)
+        return _advance(robot, context, settings, sent, observer=observer, watch=watch)
+
+
+def measured_at_every_step(candidate: Candidate, settings: WalkSettings) -> tuple[Walk, Measures]:
+    """Walk a candidate, and let Drake's own contact say its measures, at every step.
+
+    It takes three times as long as `simulate`, whose measures it tests.
+
+    Raises:
+        ModelError: the robot description cannot be used.
+    """
+    commands = candidate.gait.commands_from(settings.start)
+    robot, context = prepare(commands, candidate.foot, settings)
+    observer, sent = _observer(robot, commands, settings), _sent(commands, settings)
+    with drake_messages():
+        walk = _advance(robot, context, settings, sent, observer=observer, monitored=True)
+    measures = observer.measures(observer.history(), walk.forward, walk.yaw_swing or 0.0)
+    return walk, measures
 
 
 def follow_in_mujoco() -> Callable[..., Walk]:
@@ -166,11 +186,12 @@ def try_out(candidate: Candidate, settings: WalkSettings) -> None:
     """
     commands, foot = candidate.gait.commands_from(settings.start), candidate.foot
     if settings.engine is Engine.MUJOCO:
-        walk = follow_in_mujoco()(commands, foot, settings, observed=True, frames=_TRIED_OUT)
+        walk = follow_in_mujoco()(commands, foot, settings, history=True, frames=_TRIED_OUT)
     else:
         robot, context = prepare(commands, foot, settings)
         with drake_messages():
-            walk = _advance(robot, context, settings, Observer(robot, commands), frames=_TRIED_OUT)
+            observer, sent = _observer(robot, commands, settings), _sent(commands, settings)
+            walk = _advance(robot, context, settings, sent, observer=observer, frames=_TRIED_OUT)
     if not walk.survived:
         raise ModelError(
             f"{settings.model}: the robot does not walk for {_TRIED_OUT * FRAME_TIME:g} s: "
@@ -182,59 +203,56 @@ def prepare(
     commands: FloatArray, foot: FootDesign, settings: WalkSettings, *, logged: bool = True
 ) -> tuple[Robot, Context]:
     """A robot, and a context of its diagram in which it stands, about to follow `commands`."""
-    stepping = settings.stepping
-    time_step = stepping.step if stepping.discrete else 0.0
-    model, body, friction = read_model(settings.model), foot.body, settings.friction
-    ground = settings.sole, settings.contact
-    changed = settings.disturbance or Disturbance()
-    robot = _robot(
-        model, body, settings.servo, *ground, time_step, friction, logged, changed.voltage
+    stepping, changed = settings.stepping, settings.disturbance or Disturbance()
+    config = PlantConfig(
+        model=read_model(settings.model),
+        foot=foot.body,
+        servo=settings.servo,
+        sole=settings.sole,
+        contact=settings.contact,
+        friction=settings.friction,
+        voltage=changed.voltage,
+        time_step=stepping.step if stepping.discrete else 0.0,
     )
+    robot = _robot(config, logged=logged)
     context = default_context(robot.diagram)
     plant_context = robot.plant.GetMyMutableContextFromRoot(context)
     robot.set_foot(plant_context, foot)
-    standing = _standing(model, settings.servo, *ground, rigid_toes=foot.rigid_toes)
-    robot.plant.SetPositions(plant_context, standing)
+    standing = FootDesign(rigid_toes=foot.rigid_toes)
+    positions = _standing(replace(config, foot=standing, friction=1.0, voltage=1.0, time_step=0.0))
+    robot.plant.SetPositions(plant_context, positions)
     robot.scale_masses(plant_context, changed.mass)
     gait_context = robot.gait.GetMyMutableContextFromRoot(context)
-    sent = commands + np.array(changed.joint_zeros)
-    robot.gait.set_commands(gait_context, sent, lead=stepping.lead)
+    robot.gait.set_commands(gait_context, _sent(commands, settings), lead=stepping.lead)
     return robot, context
 
 
+def _sent(commands: FloatArray, settings: WalkSettings) -> FloatArray:
+    """What the servos are sent [rad], shape (241, 10): their zeros may be displaced."""
+    sent: FloatArray = commands + np.array((settings.disturbance or Disturbance()).joint_zeros)
+    return sent
+
+
+def _observer(robot: Robot, commands: FloatArray, settings: WalkSettings) -> Observer:
+    mass = (settings.disturbance or Disturbance()).mass
+    return Observer(robot, commands, _sent(commands, settings), mass)
+
+
 @lru_cache(maxsize=4)
-def _robot(
-    model: RobotModel,
-    body: FootDesign,
-    servo: Servo,
-    sole: Sole,
-    contact: Contact | None,
-    time_step: float = 0.0,
-    friction: float = 1.0,
-    logged: bool = False,
-    voltage: float = 1.0,
-) -> Robot:
+def _robot(config: PlantConfig, *, logged: bool = False) -> Robot:
     """One diagram serves every gait and every toe spring of a foot's body."""
-    robot = build_robot(
-        model, body, servo, time_step=time_step, friction=friction, logged=logged, sole=sole,
-        contact=contact,
-    )  # fmt: skip
-    # Back-EMF per speed is stall torque / no-load speed, which both scale: it stays.
-    robot.scale_stall_torques(voltage)
-    return robot
+    return build_robot(config, logged=logged)
 
 
 @lru_cache(maxsize=4)
-def _standing(
-    model: RobotModel, servo: Servo, sole: Sole, contact: Contact | None, *, rigid_toes: bool
-) -> FloatArray:
+def _standing(config: PlantConfig) -> FloatArray:
     """Positions of the robot at rest on the paper's feet, shape (21,), or (17,) with rigid toes.
 
     Every foot starts its walk from them: what other toes would change is a thousandth of a radian
     in the toes themselves and microns elsewhere, and settling costs a fifth of a walk.
     """
-    foot = FootDesign(rigid_toes=rigid_toes)
-    robot = _robot(model, foot, servo, sole, contact)
+    model, foot = read_model(config.model), config.foot or FootDesign()
+    robot = _robot(config)
     context = default_context(robot.diagram)
     plant_context = robot.plant.GetMyMutableContextFromRoot(context)
     robot.set_foot(plant_context, foot)
@@ -298,7 +316,10 @@ def _advance(
     robot: Robot,
     context: Context,
     settings: WalkSettings,
+    sent: FloatArray,
+    *,
     observer: Observer | None = None,
+    monitored: bool = False,
     watch: Watch | None = None,
     frames: int = FRAMES,
 ) -> Walk:
@@ -314,7 +335,8 @@ def _advance(
     simulator = start(robot.diagram, context, settings.stepping, line_search)
     if observer:
         observer.record(context)
-        simulator.set_monitor(observer.monitor)
+        if monitored:
+            simulator.set_monitor(observer.monitor)
     postures: list[Posture] = []
     stride = 1 if observer or watch else _FRAMES_AT_A_TIME
     for frame in range(stride, frames + 1, stride):
@@ -339,13 +361,33 @@ def _advance(
             return Walk.diverged(failure, steps=len(postures) - 1)
         if time.thread_time() > deadline:
             return Walk.diverged(f"took longer than {settings.time_limit:g} s", steps=frame)
-    centres = _centres_of_mass(robot, positions[[0, frames if fall is None else fall]])
-    walk = walk_of(postures, centres, fall, frames)
-    if not observer or walk.outcome is Outcome.DIVERGED:
+    end = frames if fall is None else fall
+    walk = walk_of(postures, _centres_of_mass(robot, positions[[0, end]]), fall, frames)
+    if walk.outcome is Outcome.DIVERGED:
         return walk
-    history, yaw_swing = observer.history(), walk.yaw_swing or 0.0
-    measures = observer.measures(history, walk.forward, yaw_swing)
-    return replace(walk, history=history, measures=measures)
+    swung = walk.forward, walk.yaw_swing or 0.0
+    measured = _measures(robot, context, settings, sent, end=end, walk=swung)
+    return replace(walk, history=observer.history() if observer else None, measures=measured)
+
+
+def _measures(
+    robot: Robot,
+    context: Context,
+    settings: WalkSettings,
+    sent: FloatArray,
+    *,
+    end: int,
+    walk: tuple[float, float],
+) -> Measures:
+    """Return the measures of a walk up to the frame `end`, from what Drake has logged."""
+    log = cast(VectorLogSink, robot.steps).FindLog(context)
+    time, states = log.sample_times(), log.data()
+    count = int(np.searchsorted(time, end * FRAME_TIME + _SAME_TIME))
+    mass = (settings.disturbance or Disturbance()).mass
+    # A robot that flies apart has numbers that grow beyond all bounds.
+    with np.errstate(all="ignore"):
+        record = robot.meter.record(time[:count], states[:, :count], sent, mass)
+        return measures_of(record, forward=walk[0], yaw_swing=walk[1])
 
 
 def _centres_of_mass(robot: Robot, postures: FloatArray) -> list[FloatArray]:

@@ -14,8 +14,8 @@ from drake_gait.foot import TOE_GAP, FootDesign
 from drake_gait.gait import FloatArray
 from drake_gait.robot.description import RobotModel
 from drake_gait.robot.sdf import BASE, FEET, FOOT_LINKS, SIDES
-from drake_gait.servo import Servo
 from drake_gait.simulation.plant import Robot, build_robot, sole_corners
+from drake_gait.simulation.plant_config import PlantConfig
 from drake_gait.sole import Sole
 
 _HIGHEST_START = 0.02
@@ -62,8 +62,8 @@ def check_toes(model: RobotModel) -> None:
     Raises:
         ModelError: a foot of another design has another outline, or toes of another size.
     """
-    before = _extents(build_robot(model, None, Servo(), sole=Sole.BOXES))
-    after = _extents(build_robot(model, _PROBE, Servo(), sole=Sole.BOXES))
+    before = _extents(build_robot(PlantConfig(model=model, foot=None, sole=Sole.BOXES)))
+    after = _extents(build_robot(PlantConfig(model=model, foot=_PROBE, sole=Sole.BOXES)))
     for side, inward in zip(SIDES, (1.0, -1.0), strict=True):
         was, now = ([found[f"{link}_{side}"] for link in FOOT_LINKS] for found in (before, after))
         heel, big, lesser = now

@@ -9,9 +9,9 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_gait.foot import FootDesign
 from drake_gait.gait import FRAME_TIME, FloatArray
 from drake_gait.robot.description import Model
-from drake_gait.servo import Servo
 from drake_gait.simulation.messages import default_context
 from drake_gait.simulation.plant import add_robot
+from drake_gait.simulation.plant_config import PlantConfig
 from drake_gait.visualization.meshcat import (
     ROBOT_HEIGHT,
     draw_ground,
@@ -31,7 +31,7 @@ class Screen:
 
     def __init__(self, meshcat: Meshcat, model: Model, foot: FootDesign) -> None:
         builder = DiagramBuilder()
-        self._plant, scene_graph = add_robot(builder, model, foot, Servo())
+        self._plant, scene_graph = add_robot(builder, PlantConfig(model=model, foot=foot))
         parameters = MeshcatVisualizerParams(prefix="robot", publish_period=FRAME_TIME)
         MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, parameters)
         self._diagram = draws(builder.Build())

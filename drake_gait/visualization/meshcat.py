@@ -32,9 +32,9 @@ from drake_gait.errors import GaitError, SettingsError
 from drake_gait.gait import FRAME_TIME, FloatArray
 from drake_gait.problem import Candidate
 from drake_gait.robot.description import Model
-from drake_gait.servo import Servo
 from drake_gait.simulation.messages import default_context
 from drake_gait.simulation.plant import add_robot
+from drake_gait.simulation.plant_config import PlantConfig
 from drake_gait.walk import History
 
 FORCE_SCALE = 0.010
@@ -184,7 +184,7 @@ def animate_robot(
         SettingsError: another robot walked this walk.
     """
     builder = DiagramBuilder()
-    plant, scene_graph = add_robot(builder, model, candidate.foot, Servo())
+    plant, scene_graph = add_robot(builder, PlantConfig(model=model, foot=candidate.foot))
     _check_positions(history, plant, model)
     MeshcatVisualizer.AddToBuilder(
         builder,

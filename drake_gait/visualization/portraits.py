@@ -26,9 +26,9 @@ from drake_gait.foot import FootDesign
 from drake_gait.gait import FloatArray
 from drake_gait.problem import Candidate
 from drake_gait.robot.description import Model
-from drake_gait.servo import Servo
 from drake_gait.simulation.messages import drake_messages, without_folders
 from drake_gait.simulation.plant import add_robot
+from drake_gait.simulation.plant_config import PlantConfig
 from drake_gait.visualization.rasterizer import (
     FROM_AHEAD,
     FROM_THE_RIGHT,
@@ -105,7 +105,7 @@ def _solids(
 ) -> Iterator[tuple[list[FloatArray], list[FloatArray]]]:
     """Triangles (n, 3, 3) [m] in the world, and colours, of every part at every frame."""
     builder = DiagramBuilder()
-    plant, scene_graph = add_robot(builder, model, candidate.foot, Servo())
+    plant, scene_graph = add_robot(builder, PlantConfig(model=model, foot=candidate.foot))
     if history.positions.shape[1] != plant.num_positions():
         raise SettingsError(
             f"the walk has {history.positions.shape[1]} positions, the robot {model} has "
@@ -155,7 +155,7 @@ def check_looks(model: Model, foot: FootDesign) -> None:
     Raises:
         ModelError: it has one.
     """
-    plant, scene_graph = add_robot(DiagramBuilder(), model, foot, Servo())
+    plant, scene_graph = add_robot(DiagramBuilder(), PlantConfig(model=model, foot=foot))
     with drake_messages() as messages:
         try:
             shown = list(_parts(plant, scene_graph.model_inspector()))

@@ -17,6 +17,7 @@ from drake_gait.robot.description import RobotModel, located, model_path, models
 from drake_gait.robot.sdf import LINKS, TOE_HINGES
 from drake_gait.servo import Servo
 from drake_gait.simulation.plant import GROUND_FRICTION, add_robot, build_robot
+from drake_gait.simulation.plant_config import PlantConfig
 from drake_gait.simulation.simulate import try_out
 from drake_gait.study.reading import default_study, read_study
 from drake_gait.visualization.portraits import check_looks
@@ -341,7 +342,7 @@ FRICTIONS = {
 
 
 def read_friction(model, factor):
-    robot = build_robot(model, FootDesign(), Servo(), friction=factor)
+    robot = build_robot(PlantConfig(model=model, friction=factor))
     body, found = robot.plant.GetBodyByName("foot_r"), []
     for geometry in robot.plant.GetCollisionGeometriesForBody(body):
         properties = robot.scene_graph.model_inspector().GetProximityProperties(geometry)
@@ -373,7 +374,7 @@ def test_a_limit_or_a_damper_of_a_joint_counts(robot):
     )
     for text in (narrow, damped):
         assert simulate(WALKING, WalkSettings(model=robot(text))).forward != usual
-    plant, _ = add_robot(DiagramBuilder(), robot(damped), FootDesign(), Servo())
+    plant, _ = add_robot(DiagramBuilder(), PlantConfig(model=robot(damped)))
     back_emf = 1.373 / Servo().no_load_speed
     found = [plant.GetJointByName(name).default_damping() for name in ("knee_r", "knee_l")]
     assert found == pytest.approx([back_emf + 0.3, back_emf])

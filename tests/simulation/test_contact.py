@@ -28,9 +28,9 @@ from drake_gait import Candidate, FootDesign, Gait, WalkSettings, simulate
 from drake_gait.errors import SettingsError
 from drake_gait.gait import FRAMES, JOINTS, FloatArray, Start
 from drake_gait.robot.description import model_path
-from drake_gait.servo import Servo
 from drake_gait.simulation.contact import Plate, add_ground, add_soles, plates, sole_mesh
 from drake_gait.simulation.plant import build_robot
+from drake_gait.simulation.plant_config import PlantConfig
 from drake_gait.simulation.simulate import follow, start
 from drake_gait.sole import Contact, Sole
 from drake_gait.study.reading import default_study, read_study
@@ -212,7 +212,7 @@ def test_a_rim_is_never_wider_than_a_third_of_its_plate() -> None:
 def test_soles_lie_under_their_plates_in_the_size_of_the_design(
     model: str, foot: FootDesign
 ) -> None:
-    robot = build_robot(model, foot, Servo())
+    robot = build_robot(PlantConfig(model=model, foot=foot))
     found = plates(robot.plant, robot.scene_graph)
     context = robot.plant.CreateDefaultContext()
     for plate in found:
@@ -248,7 +248,9 @@ def test_a_box_gives_the_same_sole_on_whichever_side_it_is_written(
     path.write_text(text[:begin] + part.replace(old, size) + text[end:], encoding="utf-8")
     usual, turned = (
         plates(robot.plant, robot.scene_graph)
-        for robot in (build_robot(model, None, Servo()) for model in ("khr3hv.sdf", path))
+        for robot in (
+            build_robot(PlantConfig(model=model, foot=None)) for model in ("khr3hv.sdf", path)
+        )
     )
     for plate, other in zip(usual, turned, strict=True):
         assert (other.link, other.length, other.width) == (plate.link, plate.length, plate.width)
@@ -257,7 +259,7 @@ def test_a_box_gives_the_same_sole_on_whichever_side_it_is_written(
 
 def test_the_friction_of_the_walk_scales_that_of_every_sole() -> None:
     def pairs(factor: float) -> FloatArray:
-        robot = build_robot("khr3hv.sdf", FootDesign(), Servo(), friction=factor)
+        robot = build_robot(PlantConfig(friction=factor))
         found = [plate.friction for plate in plates(robot.plant, robot.scene_graph)]
         alone = np.array([(one.static_friction(), one.dynamic_friction()) for one in found])
         return 2.0 * alone / (1.0 + alone)

@@ -16,8 +16,10 @@ from drake_gait.foot import N_MM_PER_DEG
 from drake_gait.gait import FRAMES, JOINTS, FloatArray
 from drake_gait.robot.sdf import TOE_HINGES
 from drake_gait.servo import Servo
-from drake_gait.simulation.observer import Observer, swing_clearance
+from drake_gait.simulation.measures import swing_clearance
+from drake_gait.simulation.observer import Observer
 from drake_gait.simulation.plant import Robot, add_ground, build_robot
+from drake_gait.simulation.plant_config import PlantConfig
 from drake_gait.simulation.simulate import follow, start
 from drake_gait.study.reading import default_study, read_study
 from drake_gait.walk import Fidelity, Integrator
@@ -73,7 +75,7 @@ def test_foot_loads_average_to_the_weight_over_a_walk() -> None:
 
 
 def test_a_standing_robot_gains_no_energy() -> None:
-    robot = build_robot("khr3hv.sdf", FootDesign(), Servo())
+    robot = build_robot(PlantConfig())
     simulator, context = prepared(robot)
     plant_context = robot.plant.GetMyMutableContextFromRoot(context)
     # The sum leaves out what the soles store, so the robot has to have stopped rocking on them.
@@ -119,7 +121,7 @@ def test_a_millionth_of_a_degree_changes_nothing_that_counts() -> None:
 
 def slide(link: str, pull: float, seconds: float = 0.5) -> tuple[float, float]:
     """Distance [m] and speed [m/s] of a block with a link's sole, pulled by `pull` x its weight."""
-    robot = build_robot("khr3hv.sdf", FootDesign(), Servo())
+    robot = build_robot(PlantConfig())
     inspector = robot.scene_graph.model_inspector()
     body = robot.plant.GetBodyByName(link)
     geometry = robot.plant.GetCollisionGeometriesForBody(body)[0]
@@ -166,7 +168,7 @@ def test_a_block_of_sole_starts_to_slide_at_the_papers_friction(
 
 def floating(foot: FootDesign, moment: float, toe: int) -> tuple[Robot, Simulator, Context]:
     """The robot without weight, off the ground, with a constant moment on one toe."""
-    robot = build_robot("khr3hv.sdf", foot, Servo(stiffness=200.0, damping=5.0))
+    robot = build_robot(PlantConfig(foot=foot, servo=Servo(stiffness=200.0, damping=5.0)))
     robot.plant.gravity_field()
     simulator, context = prepared(robot, foot)
     plant, plant_context = robot.plant, robot.plant.GetMyMutableContextFromRoot(context)
@@ -254,7 +256,7 @@ def internal_energy(robot: Robot, plant_context: Context) -> float:
 
 
 def test_the_work_of_the_servos_is_the_energy_that_a_free_robot_gains() -> None:
-    robot = build_robot("khr3hv.sdf", FootDesign(), Servo())
+    robot = build_robot(PlantConfig())
     commands = STANDING_STILL.copy()
     swing = np.radians(20.0) * (1.0 - np.cos(np.arange(FRAMES + 1) * 0.02 * 2.0 * np.pi)) / 2.0
     commands[:, JOINTS.index("hip_pitch_r")] = swing
@@ -295,7 +297,7 @@ def test_torque_times_speed_sums_to_the_energy_that_is_reported() -> None:
 
 def test_a_servo_driven_at_full_torque_stops_accelerating_at_its_no_load_speed() -> None:
     servo = Servo()
-    robot = build_robot("khr3hv.sdf", FootDesign(), servo)
+    robot = build_robot(PlantConfig(servo=servo))
     simulator, context = prepared(robot)
     plant, plant_context = robot.plant, robot.plant.GetMyMutableContextFromRoot(context)
     positions = plant.GetPositions(plant_context)

@@ -16,13 +16,13 @@ from pydrake.multibody.tree import RevoluteSpring
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_gait.errors import ModelError
-from drake_gait.foot import FOOT_WIDTH, TOE_GAP, FootDesign
+from drake_gait.foot import FOOT_WIDTH, TOE_GAP
 from drake_gait.gait import JOINTS
 from drake_gait.robot.description import model_path, models_folder
 from drake_gait.robot.sdf import TOE_HINGES, with_friction
 from drake_gait.robot.sdf_checks import tree
-from drake_gait.servo import Servo
 from drake_gait.simulation.plant import GROUND_FRICTION, Robot, add_robot, build_robot, sole_corners
+from drake_gait.simulation.plant_config import PlantConfig
 
 ROOT = Path(__file__).parents[2]
 FILES = ("khr3hv.sdf", "khr3hv_cad.sdf")
@@ -52,7 +52,7 @@ def plant(request: pytest.FixtureRequest) -> MultibodyPlant:
 
 @pytest.fixture(scope="module")
 def robot() -> Robot:
-    return build_robot("khr3hv.sdf", FootDesign(), Servo())
+    return build_robot(PlantConfig())
 
 
 def corners(robot: Robot, link: str) -> np.ndarray:
@@ -82,7 +82,7 @@ def test_the_robot_weighs_what_the_maker_says(plant: MultibodyPlant) -> None:
 def test_the_standing_centre_of_mass_is_where_the_papers_limit_means_upright() -> None:
     heights = {}
     for name in FILES:
-        robot = build_robot(name, FootDesign(), Servo())
+        robot = build_robot(PlantConfig(model=name))
         context = robot.plant.CreateDefaultContext()
         x, y, heights[name] = robot.plant.CalcCenterOfMassPositionInWorld(context)
         assert y == pytest.approx(0.0, abs=1e-9)
@@ -149,7 +149,7 @@ def test_the_toes_turn_up_to_thirty_degrees_on_the_papers_springs(robot: Robot) 
 def test_sole_and_ground_combine_to_the_papers_friction_times_the_factor(
     links: tuple[str, ...], pair: tuple[float, float], factor: float
 ) -> None:
-    robot = build_robot("khr3hv.sdf", FootDesign(), Servo(), friction=factor)
+    robot = build_robot(PlantConfig(friction=factor))
     inspector = robot.scene_graph.model_inspector()
     for link, side in itertools.product(links, "rl"):
         body = robot.plant.GetBodyByName(f"{link}_{side}")
@@ -205,7 +205,7 @@ def test_a_friction_that_cannot_be_multiplied_is_refused_in_one_line(
     model = tmp_path / "robot.sdf"
     model.write_text(re.sub(pattern, rf"\g<1>{value}", text))
     with pytest.raises(ModelError) as refusal:
-        build_robot(model, FootDesign(), Servo(), friction=factor)
+        build_robot(PlantConfig(model=model, friction=factor))
     assert str(refusal.value).startswith(f"{model}")
     assert complaint in str(refusal.value)
     assert "\n" not in str(refusal.value)
@@ -273,6 +273,6 @@ def test_the_package_resolves_for_any_drake_program() -> None:
 
 def test_the_robot_collides_with_the_ground_everywhere_it_could_lie_on() -> None:
     builder = DiagramBuilder()
-    plant, _ = add_robot(builder, "khr3hv.sdf", FootDesign(), Servo())
+    plant, _ = add_robot(builder, PlantConfig())
     for link in ("torso", "hip_l", "thigh_l", "shin_l", "foot_l", "thigh_r", "foot_r"):
         assert plant.GetCollisionGeometriesForBody(plant.GetBodyByName(link)), link

@@ -8,13 +8,12 @@ from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_gait import FootDesign
 from drake_gait.gait import JOINTS
 from drake_gait.robot.description import model_path
 from drake_gait.robot.sdf import TOE_HINGES
-from drake_gait.servo import Servo
 from drake_gait.simulation.collision import box_corners, out_of_reach
 from drake_gait.simulation.plant import add_robot
+from drake_gait.simulation.plant_config import PlantConfig
 from drake_gait.walk import FALL_HEIGHT, FALL_TILT
 
 MODELS = ("khr3hv.sdf", "khr3hv_cad.sdf")
@@ -22,7 +21,7 @@ MODELS = ("khr3hv.sdf", "khr3hv_cad.sdf")
 
 def shapes_of(model):
     builder = DiagramBuilder()
-    plant, scene_graph = add_robot(builder, model, FootDesign(), Servo())
+    plant, scene_graph = add_robot(builder, PlantConfig(model=model))
     return plant, scene_graph, out_of_reach(plant, scene_graph)
 
 

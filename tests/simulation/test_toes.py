@@ -13,10 +13,10 @@ from drake_gait.gait import JOINTS, FloatArray
 from drake_gait.robot.description import model_path
 from drake_gait.robot.sdf import TOE_HINGES, remove_looks
 from drake_gait.robot.sdf_checks import tree
-from drake_gait.servo import Servo
 from drake_gait.simulation import simulate as simulation
 from drake_gait.simulation.collision import box_corners
 from drake_gait.simulation.plant import Robot, build_robot, sole_corners
+from drake_gait.simulation.plant_config import PlantConfig
 from drake_gait.simulation.simulate import follow, prepare
 from drake_gait.simulation.toes import with_toes
 from drake_gait.study.reading import default_study, read_study
@@ -29,7 +29,7 @@ THICKNESS = 0.005
 
 
 def robot_with(model: str = MODELS[0], **design: float) -> Robot:
-    return build_robot(model, FootDesign(**design), Servo())
+    return build_robot(PlantConfig(model=model, foot=FootDesign(**design)))
 
 
 def body_values(robot: Robot, body: RigidBody) -> tuple[float, FloatArray, FloatArray]:
