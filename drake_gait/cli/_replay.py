@@ -92,7 +92,8 @@ def _show_side_by_side(options: "Options", out: Path) -> None:
                 )
             if candidate == chosen.candidate and how == as_then:
                 _warn_of_difference(folder, walk, chosen)
-            label = f"{folder.resolve().name}, walk {chosen.id}{words}: {_ending(walk)}"
+            ending = in_words(walk) if options.engine == "both" else _ending(walk)
+            label = f"{folder.resolve().name}, walk {chosen.id}{words}: {ending}"
             exhibits.append(
                 Exhibit(walk=walk, candidate=candidate, label=label, model=settings.walk.model)
             )
