@@ -147,6 +147,16 @@ def test_a_standing_robot_presses_on_the_ground_with_its_weight(sole):
     assert walk.measures.positive_energy < 0.1
 
 
+def test_a_standing_robot_sinks_as_deep_as_in_drake():
+    depths = []
+    for one in Engine:
+        settings = dataclasses.replace(IN_MUJOCO, engine=one)
+        walk = follow(STANDING, settings=settings, history=True)
+        depths.append(-walk.history.sole_height[-1])
+    assert depths[1] == pytest.approx(depths[0], rel=0.1)
+    assert depths[1].max() > 1e-4  # m
+
+
 def test_points_are_where_drake_has_them_and_area_is_the_vertices_of_its_rim():
     points, area = compiled(), compiled(sole=Sole.AREA)
     inspector = points.robot.scene_graph.model_inspector()

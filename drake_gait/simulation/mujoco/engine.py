@@ -19,7 +19,7 @@ from drake_gait.robot.description import read_model
 from drake_gait.robot.sdf import BASE, FEET, FOOT_LINKS
 from drake_gait.simulation.measures import measures_of
 from drake_gait.simulation.messages import default_context
-from drake_gait.simulation.mujoco.model import GROUND, mjcf
+from drake_gait.simulation.mujoco.model import GROUND, Hardness, compiled
 from drake_gait.simulation.observer import Observer, Touch
 from drake_gait.simulation.plant import Robot, build_robot
 from drake_gait.simulation.plant_config import PlantConfig
@@ -185,6 +185,7 @@ def follow(
     history: bool = False,
     watch: Watch | None = None,
     frames: int = FRAMES,
+    hardness: Hardness | None = None,
 ) -> Walk:
     """Let the servos follow joint commands from a standing start.
 
@@ -195,6 +196,7 @@ def follow(
         history: Whether to record time histories.
         watch: Told of every frame as it is reached.
         frames: How many to walk.
+        hardness: Of the contacts; for comparisons.
 
     Raises:
         ModelError: the robot description cannot be used, or not in MuJoCo.
@@ -213,7 +215,9 @@ def follow(
         config, foot=FootDesign(rigid_toes=foot.rigid_toes), friction=1.0, voltage=1.0
     )
     with _warnings() as warnings:
-        found, data = _started(config, _standing(standing, step), step, changed.mass)
+        found = _model(config, step, changed.mass, hardness)
+        data = mujoco.MjData(found.model)
+        data.qpos[:] = _standing(standing, step, hardness)
         sent = commands + np.array(changed.joint_zeros)
         observer = _Observer(found, data, commands, sent, changed.mass) if history else None
         log = _Log(found, data)
@@ -224,16 +228,6 @@ def follow(
         return walk
     measures = log.measures(walk, sent, changed.mass)
     return replace(walk, history=observer.history() if observer else None, measures=measures)
-
-
-def _started(
-    config: PlantConfig, standing: FloatArray, step: float, mass: float
-) -> tuple[_Model, mujoco.MjData]:
-    """Return a model, and its data with the robot at its start."""
-    found = _model(config, step, mass)
-    data = mujoco.MjData(found.model)
-    data.qpos[:] = standing
-    return found, data
 
 
 def _advance(
@@ -311,7 +305,9 @@ def _in_steps(commands: FloatArray, step: float) -> FloatArray:
 
 
 @lru_cache(maxsize=8)
-def _model(config: PlantConfig, step: float, mass: float = 1.0) -> _Model:
+def _model(
+    config: PlantConfig, step: float, mass: float = 1.0, hardness: Hardness | None = None
+) -> _Model:
     """One model serves every gait on a foot."""
     name, robot = read_model(config.model), build_robot(config)
     context, plant = default_context(robot.diagram), robot.plant
@@ -319,7 +315,7 @@ def _model(config: PlantConfig, step: float, mass: float = 1.0) -> _Model:
     robot.set_foot(plant_context, config.foot or FootDesign())
     robot.scale_masses(plant_context, mass)
     try:
-        model = mujoco.MjModel.from_xml_string(mjcf(robot, plant_context, step))
+        model = compiled(robot, plant_context, step, hardness)
     except ModelError as error:
         raise ModelError(f"{name}{error}") from None
     except ValueError as error:
@@ -359,12 +355,12 @@ def _places(robot: Robot, model: mujoco.MjModel) -> tuple[Integers, Integers]:
 
 
 @lru_cache(maxsize=4)
-def _standing(config: PlantConfig, step: float) -> FloatArray:
+def _standing(config: PlantConfig, step: float, hardness: Hardness | None = None) -> FloatArray:
     """Return the positions in MuJoCo of the robot at rest on the paper's feet.
 
     As in Drake, every foot starts its walk from them.
     """
-    found, name = _model(config, step), read_model(config.model)
+    found, name = _model(config, step, hardness=hardness), read_model(config.model)
     plant = found.robot.plant
     default = default_context(found.robot.diagram)
     plant_context = plant.GetMyContextFromRoot(default)
