@@ -10,7 +10,7 @@ from pathlib import Path
 def versions() -> dict[str, str]:
     """Versions of what decides the numbers."""
     found = {"python": platform.python_version()}
-    for package in ("drake-gait", "drake", "numpy", "scipy", "torch"):
+    for package in ("drake-gait", "drake", "mujoco", "numpy", "scipy", "torch"):
         try:
             found[package] = version(package)
         except PackageNotFoundError:

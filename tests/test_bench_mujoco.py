@@ -1,116 +1,81 @@
-"""The robot in MuJoCo is the robot in Drake, as far as both can say it."""
+"""The comparison of the engines: what its rows count."""
 
 import importlib
-from pathlib import Path
-from types import ModuleType
+from dataclasses import replace
 
-import mujoco
 import numpy as np
 import pytest
-from pydrake.math import RigidTransform, RollPitchYaw
 
-from drake_gait.foot import FootDesign
-from drake_gait.gait import FRAME_TIME, JOINTS, Gait
-from drake_gait.robot.sdf import TOE_HINGES
-from drake_gait.servo import Servo
-from drake_gait.simulation.command_source import desired_state
-from drake_gait.simulation.plant import build_robot, sole_corners
-from drake_gait.simulation.plant_config import PlantConfig
-
-HINGES = (*JOINTS, *TOE_HINGES)
-FOOT = FootDesign(big_toe_width=0.030)  # not the table's width
-BOXES = {"foot": "heel", "big_toe": "big_toe", "lesser_toes": "lesser_toes"}
-SIGNS = np.array(np.meshgrid(*3 * [(-1, 1)], indexing="ij")).reshape(3, 8)
+from drake_gait.gait import STANDING
+from drake_gait.problem import Candidate
+from drake_gait.sole import Sole
+from drake_gait.walk import Engine, Fidelity, Outcome, Walk, WalkSettings
 
 
 @pytest.fixture(scope="module")
-def bench(repository: Path) -> ModuleType:
+def bench(repository):
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(repository / "tools")
         return importlib.import_module("bench_mujoco")
 
 
-@pytest.fixture
-def model(bench: ModuleType) -> mujoco.MjModel:
-    masses = bench.make_models.raised_masses()
-    return mujoco.MjModel.from_xml_string(bench.mjcf(masses, FOOT, Servo(), 0.001))
+def walked(forward, lateral, degrees, outcome=Outcome.WALKED):
+    return replace(
+        Walk.diverged(""), outcome=outcome, forward=1e-3 * forward, lateral=1e-3 * lateral,
+        yaw=np.radians(degrees),
+    )  # fmt: skip
 
 
-def test_the_robot_in_mujoco_weighs_and_stands_as_the_maker_says(model: mujoco.MjModel) -> None:
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    assert model.body_mass.sum() == pytest.approx(1.5, abs=1e-9)
-    assert data.body("torso").subtree_com[2] == pytest.approx(0.2450, abs=1e-4)
+OWN = [walked(500, 10, 1), walked(510, -4, 2), walked(530, 6, -3), walked(560, 8, 0)]
 
 
-def in_order(corners: np.ndarray) -> np.ndarray:
-    """Corners, shape (3, n), sorted: a mirrored box counts its own otherwise."""
-    return corners[:, np.lexsort(np.round(corners, 6))]
+def batch(bench, walks):
+    return bench.Batch(walks, np.ones(len(walks)), elapsed=np.nan)
 
 
-def test_any_posture_is_the_same_in_both_engines(model: mujoco.MjModel) -> None:
-    rng = np.random.default_rng(0)
-    angles = dict(zip(HINGES, rng.uniform(0.05, 0.5, len(HINGES)), strict=True))
-    X_WT = RigidTransform(RollPitchYaw(rng.uniform(-1.0, 1.0, 3)), rng.uniform(-1.0, 1.0, 3))
-
-    drake = build_robot(PlantConfig(foot=FOOT))
-    plant, context = drake.plant, drake.plant.CreateDefaultContext()
-    plant.SetFreeBodyPose(context, plant.GetBodyByName("torso"), X_WT)
-    data = mujoco.MjData(model)
-    data.joint("torso").qpos[:3] = X_WT.translation()
-    data.joint("torso").qpos[3:] = X_WT.rotation().ToQuaternion().wxyz()
-    for name, angle in angles.items():
-        plant.GetJointByName(name).set_angle(context, angle)
-        data.joint(name).qpos[:] = angle
-    mujoco.mj_forward(model, data)
-
-    com = plant.CalcCenterOfMassPositionInWorld(context)
-    assert data.body("torso").subtree_com == pytest.approx(com, abs=1e-6)
-    for side in "rl":
-        for link, box in BOXES.items():
-            body = plant.GetBodyByName(f"{link}_{side}")
-            X_WB = plant.EvalBodyPoseInWorld(context, body)
-            geom = f"{link}_{side}_{box}"
-            p_GC = SIGNS * model.geom(geom).size[:, None]
-            R_WG = data.geom(geom).xmat.reshape(3, 3)
-            corners = R_WG @ p_GC + data.geom(geom).xpos[:, None]
-            expected = X_WB @ sole_corners(drake, body)
-            assert in_order(corners) == pytest.approx(in_order(expected), abs=1e-6)
-
-    in_drake = [plant.GetJointByName(name).velocity_start() for name in HINGES]
-    in_mujoco = [model.joint(name).dofadr[0] for name in HINGES]
-    inertia = np.zeros((model.nv, model.nv))
-    for column, unit in zip(inertia, np.eye(model.nv), strict=True):
-        mujoco.mj_mulM(model, data, column, unit)
-    expected = plant.CalcMassMatrix(context)[np.ix_(in_drake, in_drake)]
-    assert inertia[np.ix_(in_mujoco, in_mujoco)] == pytest.approx(expected, abs=1e-9)
+def cells(bench, walks):
+    """The cells of a row by their headings."""
+    text = bench.row("it", batch(bench, walks), batch(bench, OWN)).strip("|").split("|")
+    return dict(zip(bench.HEADINGS, (cell.strip() for cell in text[1:]), strict=True))
 
 
-@pytest.mark.parametrize(("error", "speed"), [(0.03, 1.0), (0.5, 3.0), (-0.5, 7.48)])
-def test_a_servo_in_mujoco_pulls_along_the_torque_speed_line(
-    model: mujoco.MjModel, error: float, speed: float
-) -> None:
-    servo, stall = Servo(), 1.373
-    data = mujoco.MjData(model)
-    data.actuator(JOINTS.index("knee_l")).ctrl[:] = error
-    data.joint("knee_l").qvel[:] = speed
-    mujoco.mj_forward(model, data)
-    torque = data.joint("knee_l").qfrc_actuator + data.joint("knee_l").qfrc_passive
-    controlled = np.clip(servo.stiffness * error - servo.damping * speed, -stall, stall)
-    assert torque == pytest.approx(controlled - stall * speed / servo.no_load_speed)
+def test_an_engine_agrees_with_itself(bench):
+    found = cells(bench, OWN)
+    assert found["Z r (mm)"] == found["X r (mm)"] == found["R r (deg)"] == "1.00 (0.0)"
+    assert (found["X mm"], found["R deg"]) == ("+0.0", "+0.0")
+    assert (found["same"], found["same side"]) == ("100 %", "4 of 4")
 
 
-def test_mujoco_is_sent_the_commands_that_drake_is_sent(bench: ModuleType) -> None:
-    commands = Gait(coefficients=np.random.default_rng(0).normal(size=(4, 4)) / 3.0).commands
-    sent = bench.step_commands(commands, 0.001)
-    expected = [desired_state(commands, 0.001 * step)[:10] for step in range(len(sent))]
-    assert len(sent) == round(240 * FRAME_TIME / 0.001)
-    assert sent == pytest.approx(np.array(expected), abs=1e-12)
+def test_what_an_engine_adds_to_every_walk_is_told_with_its_sign(bench):
+    shifted = [walked(1e3 * w.forward - 7, 1e3 * w.lateral + 5, np.degrees(w.yaw) - 2) for w in OWN]
+    found = cells(bench, shifted)
+    assert found["Z r (mm)"] == "1.00 (7.0)"
+    assert (found["X mm"], found["R deg"], found["same side"]) == ("+5.0", "-2.0", "3 of 4")
 
 
-def test_the_robot_stands_in_mujoco(bench: ModuleType) -> None:
-    model, standing = bench.settled_robot("khr3hv.sdf", FOOT, Servo(), 0.001)
-    data = mujoco.MjData(model)
-    data.qpos[:] = standing
-    mujoco.mj_step(model, data, nstep=1000)
-    assert data.qpos == pytest.approx(standing, abs=1e-4)  # m, rad
+def test_only_who_survives_in_both_is_compared(bench):
+    found = cells(bench, [*OWN[:3], walked(0, 900, 90, Outcome.FELL)])
+    assert (found["survive"], found["same"]) == ("75 %", "75 %")
+    assert (found["X r (mm)"], found["same side"]) == ("1.00 (0.0)", "3 of 3")
+
+
+def test_every_candidate_walks_in_each_engine_in_turn(bench):
+    order = []
+
+    def engine(name):
+        return lambda candidate: order.append(name) or OWN[0]
+
+    candidates = [Candidate(gait=STANDING)] * 2
+    found = bench.alternate({name: engine(name) for name in "ab"}, candidates)
+    assert order == list("abab")
+    assert len(found["a"].walks) == 2
+
+
+@pytest.mark.parametrize("table", ["agreement", "causes"])
+def test_the_reference_comes_first_and_both_engines_are_there_on_the_same_sole(bench, table):
+    walk = WalkSettings(sole=Sole.POINTS)
+    first, *others = getattr(bench, table)(walk).values()
+    assert first.keywords["settings"] == replace(walk, fidelity=Fidelity.REFERENCE)
+    settings = [one.keywords["settings"] for one in others]
+    assert {one.engine for one in settings} == set(Engine)
+    assert {one.sole for one in settings} == {Sole.POINTS}

@@ -13,7 +13,7 @@ from drake_gait.provenance import file_sha256, source_sha256, versions
 
 def test_the_versions_are_those_of_what_decides_the_numbers():
     found = versions()
-    assert set(found) == {"python", "drake-gait", "drake", "numpy", "scipy", "torch"}
+    assert set(found) == {"python", "drake-gait", "drake", "mujoco", "numpy", "scipy", "torch"}
     assert found["numpy"] == np.__version__
 
 

@@ -23,7 +23,7 @@ from drake_gait.study.store import Study
 from drake_gait.visualization.live import Screen
 from drake_gait.visualization.meshcat import with_meshcat
 from drake_gait.visualization.recording import Exhibit, record, record_gallery
-from drake_gait.walk import Walk, WalkSettings
+from drake_gait.walk import Engine, Walk, WalkSettings
 
 if TYPE_CHECKING:
     from drake_gait.cli.replay import Options
@@ -32,26 +32,40 @@ if TYPE_CHECKING:
 def work(options: "Options") -> None:
     """Do what the command line says."""
     if options.out is None:
-        _watch(options.folder, options.walk, options.port)
+        _watch(options)
         return
-    if options.gallery is None and not options.rigid_toes:
-        _replay(options.folder, options.walk, options.out)
+    if options.gallery is None and not options.rigid_toes and options.engine != "both":
+        _replay(options, options.out)
     else:
         _show_side_by_side(options, options.out)
 
 
-def _replay(folder: Path, number: int | None, out: Path) -> None:
-    settings, chosen, as_then = choose(folder, number)
-    walk = simulate(chosen.candidate, as_then, history=True)
+def _replay(options: "Options", out: Path) -> None:
+    folder = options.folder
+    settings, chosen, as_then = choose(folder, options.walk)
+    ((words, how),) = _engines(options, as_then)
+    walk = simulate(chosen.candidate, how, history=True)
     if walk.history is None:
         raise StudyError(
             f"walk {chosen.id} of {folder} cannot be recorded, {in_words(walk)}; give another "
             "--walk"
         )
-    caption = f"{settings.name}, walk {chosen.id}: {in_words(walk)}"
+    caption = f"{settings.name}, walk {chosen.id}{words}: {in_words(walk)}"
     record(walk, chosen.candidate, out, model=settings.walk.model, caption=caption)
     print(f"{out}: {caption}", file=messages(out))
-    _warn_of_difference(folder, walk, chosen)
+    if how == as_then:
+        _warn_of_difference(folder, walk, chosen)
+
+
+def _engines(options: "Options", how: WalkSettings) -> list[tuple[str, WalkSettings]]:
+    """Return how a walk is simulated in each engine that is asked for, and in words which."""
+    if options.engine is None:
+        return [("", how)]
+    wanted = list(_ENGINES) if options.engine == "both" else [Engine(options.engine)]
+    return [(f" {_ENGINES[one]}", dataclasses.replace(how, engine=one)) for one in wanted]
+
+
+_ENGINES = {Engine.DRAKE: "in Drake", Engine.MUJOCO: "in MuJoCo"}
 
 
 def _show_side_by_side(options: "Options", out: Path) -> None:
@@ -63,16 +77,22 @@ def _show_side_by_side(options: "Options", out: Path) -> None:
         if options.rigid_toes:
             stiff = dataclasses.replace(chosen.candidate.foot, rigid_toes=True)
             candidates[", rigid toes"] = dataclasses.replace(chosen.candidate, foot=stiff)
-        for words, candidate in candidates.items():
-            walk = simulate(candidate, as_then, history=True)
+        variants = [
+            (toes + words, candidate, how)
+            for toes, candidate in candidates.items()
+            for words, how in _engines(options, as_then)
+        ]
+        for words, candidate, how in variants:
+            walk = simulate(candidate, how, history=True)
             if walk.history is None:
                 raise StudyError(
                     f"walk {chosen.id} of {folder}{words} cannot be recorded, {in_words(walk)}; "
                     "give another --walk, or leave that study out"
                 )
-            if not words:
+            if candidate == chosen.candidate and how == as_then:
                 _warn_of_difference(folder, walk, chosen)
-            label = f"{folder.resolve().name}, walk {chosen.id}{words}: {_ending(walk)}"
+            ending = in_words(walk) if options.engine == "both" else _ending(walk)
+            label = f"{folder.resolve().name}, walk {chosen.id}{words}: {ending}"
             exhibits.append(
                 Exhibit(walk=walk, candidate=candidate, label=label, model=settings.walk.model)
             )
@@ -81,20 +101,21 @@ def _show_side_by_side(options: "Options", out: Path) -> None:
     print(out, file=messages(out))
 
 
-def _watch(folder: Path, number: int | None, port: int | None) -> None:
-    settings, chosen, as_then = choose(folder, number)
+def _watch(options: "Options") -> None:
+    settings, chosen, as_then = choose(options.folder, options.walk)
+    ((words, how),) = _engines(options, as_then)
 
     def play(meshcat: Meshcat) -> None:
         screen = Screen(meshcat, settings.walk.model, chosen.candidate.foot)
         print(f"open {meshcat.web_url()} to watch; Ctrl-C ends it", flush=True)
         while meshcat.GetNumActiveConnections() == 0:
             time.sleep(0.1)
-        walk = simulate(chosen.candidate, as_then, watch=screen.show)
-        print(f"{settings.name}, walk {chosen.id}: {in_words(walk)}", flush=True)
+        walk = simulate(chosen.candidate, how, watch=screen.show)
+        print(f"{settings.name}, walk {chosen.id}{words}: {in_words(walk)}", flush=True)
         while meshcat.GetNumActiveConnections() > 0:  # until its last reader has gone
             time.sleep(0.1)
 
-    with_meshcat(play, port)
+    with_meshcat(play, options.port)
 
 
 def choose(folder: Path, number: int | None) -> tuple[StudySettings, StudyWalk, WalkSettings]:

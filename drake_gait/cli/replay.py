@@ -3,7 +3,8 @@
 The best walk, or the one that --walk names, is simulated anew, as the study did. It becomes one
 self-contained page; `--live` shows it in a browser while it is simulated. `--gallery` puts the best
 walks of several studies side by side into one page, for example of several seeds. `--rigid-toes`
-puts every walk beside itself on a foot whose toes cannot bend.
+puts every walk beside itself on a foot whose toes cannot bend. `--engine both` puts its walk in
+Drake beside that in MuJoCo.
 """
 
 import argparse
@@ -31,6 +32,8 @@ class Options:
     """Further folders, for a page of several walks."""
     rigid_toes: bool
     """Whether every walk of a gallery is beside itself on rigid toes."""
+    engine: str | None
+    """What simulates, or "both"; the study's own engine if None."""
     live: bool
     """Whether to show the walk while it is simulated."""
     port: int | None
@@ -55,6 +58,9 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
     parser.add_argument(
         "--rigid-toes", action="store_true", help="every walk also on toes that cannot bend"
     )
+    parser.add_argument(
+        "--engine", choices=("drake", "mujoco", "both"), help="what simulates it (the study's)"
+    )
     parser.add_argument("--live", action="store_true", help="show it while it is simulated")
     parser.add_argument(
         "--port", type=int, metavar="N", help="port of the live page (the first free one)"
@@ -64,8 +70,8 @@ def parse(arguments: Sequence[str] | None = None) -> Options:
         parser.error("give --out FILE to write a page, or --live to watch")
     if found.port is not None and not (found.live and 1024 <= found.port <= 65535):
         parser.error(f"argument --port: is for --live, from 1024 to 65535, got {found.port}")
-    if found.live and (found.gallery is not None or found.rigid_toes):
-        parser.error("--live shows one walk; --gallery and --rigid-toes need --out FILE")
+    if found.live and (found.gallery is not None or found.rigid_toes or found.engine == "both"):
+        parser.error("--live shows one walk; --gallery, --rigid-toes and both need --out FILE")
     return found
 
 

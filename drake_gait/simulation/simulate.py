@@ -138,8 +138,7 @@ def follow(
     commands = joint_commands(commands)
     foot, settings = foot or FootDesign(), settings or WalkSettings()
     if settings.engine is Engine.MUJOCO:
-        walk = follow_in_mujoco()(commands, foot, settings, observed=True, watch=watch)
-        return walk if history else replace(walk, history=None)
+        return follow_in_mujoco()(commands, foot, settings, history=history, watch=watch)
     robot, context = prepare(commands, foot, settings)
     observer = _observer(robot, commands, settings) if history else None
     with drake_messages():
@@ -187,7 +186,7 @@ def try_out(candidate: Candidate, settings: WalkSettings) -> None:
     """
     commands, foot = candidate.gait.commands_from(settings.start), candidate.foot
     if settings.engine is Engine.MUJOCO:
-        walk = follow_in_mujoco()(commands, foot, settings, observed=True, frames=_TRIED_OUT)
+        walk = follow_in_mujoco()(commands, foot, settings, history=True, frames=_TRIED_OUT)
     else:
         robot, context = prepare(commands, foot, settings)
         with drake_messages():
@@ -367,10 +366,9 @@ def _advance(
     walk = walk_of(postures, _centres_of_mass(robot, positions[[0, end]]), fall, frames)
     if walk.outcome is Outcome.DIVERGED:
         return walk
-    told = walk.forward, walk.yaw_swing or 0.0
-    measured = _measures(robot, context, settings, sent, end=end, walk=told)
-    history = observer.history() if observer else None
-    return replace(walk, history=history, measures=measured)
+    swung = walk.forward, walk.yaw_swing or 0.0
+    measured = _measures(robot, context, settings, sent, end=end, walk=swung)
+    return replace(walk, history=observer.history() if observer else None, measures=measured)
 
 
 def _measures(

@@ -1,5 +1,6 @@
 """The command that records a walk of a study again."""
 
+import dataclasses
 import re
 import subprocess
 import sys
@@ -18,7 +19,7 @@ from drake_gait.study.ranking import best_walk
 from drake_gait.study.settings import study_settings
 from drake_gait.study.store import Study
 from drake_gait.visualization.meshcat import start_meshcat
-from drake_gait.walk import Outcome
+from drake_gait.walk import Engine, Outcome
 
 
 def refused(capsys, *arguments):
@@ -136,6 +137,8 @@ def test_a_study_of_a_robot_that_has_changed_is_one_line(capsys, tmp_path, study
         (["--live", "--port", "80"], "from 1024 to 65535, got 80"),
         (["--live", "--gallery"], "--live shows one walk"),
         (["--live", "--rigid-toes"], "--live shows one walk"),
+        (["--live", "--engine", "both"], "--live shows one walk"),
+        (["--engine", "bullet", "--out", "a.html"], "invalid choice: 'bullet'"),
     ],
 )
 def test_options_that_contradict_each_other_are_refused(capsys, tmp_path, arguments, text):
@@ -158,6 +161,31 @@ def test_a_gallery_shows_each_study_s_best_walk_with_and_without_bending_toes(
     assert ["rigid toes" in label for label in labels] == [False, True, False, True]
     text = out.read_text(encoding="utf-8")
     assert all(label in text for label in labels)
+
+
+@pytest.mark.slow
+def test_a_walk_is_recorded_in_the_engine_that_is_asked_for(run, capsys, tmp_path):
+    folder, settings, walks = run
+    out = tmp_path / "walk.html"
+    how = dataclasses.replace(walked_as(settings, walks[0]), engine=Engine.MUJOCO)
+    expected = in_words(simulate(walks[0].candidate, how))
+    assert main([str(folder), "--walk", "0", "--engine", "mujoco", "--out", str(out)]) == 0
+    told = capsys.readouterr()
+    assert f"walk 0 in MuJoCo: {expected}" in told.out
+    assert told.err == ""  # It is no fault that it walks otherwise than in Drake.
+
+
+@pytest.mark.slow
+def test_both_engines_are_beside_each_other_in_one_recording(run, capsys, tmp_path):
+    folder, _, walks = run
+    out = tmp_path / "walk.html"
+    assert main([str(folder), "--walk", "0", "--engine", "both", "--out", str(out)]) == 0
+    first, second, _ = capsys.readouterr().out.splitlines()
+    assert f"walk 0 in Drake: {in_words(walks[0].walk)}" in first
+    assert "walk 0 in MuJoCo: " in second
+    text = out.read_text(encoding="utf-8")
+    assert first in text
+    assert second in text
 
 
 @pytest.mark.slow

@@ -19,6 +19,7 @@ from drake_gait.servo import Servo
 from drake_gait.simulation import simulate as seam
 from drake_gait.simulation.command_source import desired_state
 from drake_gait.simulation.mujoco import engine
+from drake_gait.simulation.plant_config import PlantConfig
 from drake_gait.simulation.simulate import follow, simulate, try_out
 from drake_gait.sole import Sole
 from drake_gait.study.reading import default_study, read_study
@@ -35,9 +36,10 @@ RIGID = FootDesign(rigid_toes=True)
 STANDING = np.zeros((FRAMES + 1, len(JOINTS)))
 
 
-def compiled(foot=FOOT, sole=Sole.POINTS, **changes):
+def compiled(foot=FOOT, sole=Sole.POINTS, mass=1.0, **changes):
     """The robot in MuJoCo, and in Drake."""
-    return engine._model(read_model("khr3hv.sdf"), foot, Servo(), sole, None, 0.001, **changes)
+    config = PlantConfig(model=read_model("khr3hv.sdf"), foot=foot, sole=sole, **changes)
+    return engine._model(config, 0.001, mass)
 
 
 def anywhere(found, seed=0):
@@ -145,6 +147,16 @@ def test_a_standing_robot_presses_on_the_ground_with_its_weight(sole):
     assert walk.measures.positive_energy < 0.1
 
 
+def test_a_standing_robot_sinks_as_deep_as_in_drake():
+    depths = []
+    for one in Engine:
+        settings = dataclasses.replace(IN_MUJOCO, engine=one)
+        walk = follow(STANDING, settings=settings, history=True)
+        depths.append(-walk.history.sole_height[-1])
+    assert depths[1] == pytest.approx(depths[0], rel=0.1)
+    assert depths[1].max() > 1e-4  # m
+
+
 def test_points_are_where_drake_has_them_and_area_is_the_vertices_of_its_rim():
     points, area = compiled(), compiled(sole=Sole.AREA)
     inspector = points.robot.scene_graph.model_inspector()
@@ -162,7 +174,8 @@ def test_points_are_where_drake_has_them_and_area_is_the_vertices_of_its_rim():
 
 def test_pairs_have_the_kinetic_friction_that_drake_combines():
     own, sticky = (compiled(friction=factor).model.pair_friction[:, 0] for factor in (1.0, 1.1))
-    np.testing.assert_allclose(own[:24], 0.417, rtol=1e-9)
+    # The heel's, the toes', and that of the shins' boxes: table of docs/explanation/robot.md.
+    assert set(np.round(own, 6)) == {0.417, 0.155, 0.461538}
     np.testing.assert_allclose(sticky, 1.1 * own, rtol=1e-9)
 
 

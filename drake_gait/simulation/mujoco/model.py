@@ -3,8 +3,10 @@
 Links, joints, springs, dampers, servos and what may touch what are read from the plant and its
 context, after everything that settings change. Two things cannot be the same in both engines:
 
-- A contact's softness: MuJoCo gives it as a time, not as a stiffness.
+- A contact's damping: Drake's grows with the force (Hunt and Crossley), MuJoCo's is linear.
 - Friction: MuJoCo has one coefficient a pair, Drake a static and a kinetic one.
+
+Other laws of contact than those of soles and ground, as of a fallen robot's limbs, are MuJoCo's.
 """
 
 import itertools
@@ -14,6 +16,7 @@ from typing import Any, cast
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
+import mujoco
 import numpy as np
 from pydrake.geometry import (
     Box,
@@ -45,17 +48,35 @@ from drake_gait.robot.sdf import BASE, FEET
 from drake_gait.simulation.contact import ground_of
 from drake_gait.simulation.plant import Robot
 
-CONTACT_TIME = 0.004
-"""Time constant of a contact and of a joint's stop [s], critically damped."""
-
 _POINT = 5e-4
 """Radius of a point of a sole that Drake has as a mesh [m]."""
+
+_STIFF = 0.004
+"""Time constant of joints' stops, and of contacts that are no sole's [s], critically damped."""
+
+_RESOLVED = 0.5
+"""Part of a step's stability that a contact may use: of rate x step, and of frequency x step."""
 
 _SAME_POINT = 1e-9
 """Vertices of a mesh that differ by less are one point [m]."""
 
 GROUND = "ground"
 """Name of the plane under the robot."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hardness:
+    """What MuJoCo's contacts are besides what Drake's are.
+
+    Chosen by measurement (docs/experiments/2026-11-27-engines.md); others are for comparisons.
+    """
+
+    time: float | None = None
+    """Time constant of the soles' contacts, critically damped [s]; None: Drake's softness."""
+    sideways: float = 100.0
+    """Stiffness along the ground over that across: at 1, feet under load creep."""
+    pyramid: bool = False
+    """Whether friction is a pyramid of four sides instead of Drake's cone."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,35 +97,129 @@ class _Link:
     """-1 where the joint's child is the one that is nearer to the torso."""
 
 
-def mjcf(robot: Robot, plant_context: Context, step: float) -> str:
+def compiled(
+    robot: Robot, plant_context: Context, step: float, hardness: Hardness | None = None
+) -> mujoco.MjModel:
+    """Write a robot on the ground as a MuJoCo model, its soles as soft as they are in Drake.
+
+    Args:
+        robot: Its diagram.
+        plant_context: A context of its plant, with the foot and the masses to be written.
+        step: Time step [s].
+        hardness: Of its contacts.
+
+    Raises:
+        ModelError: it has a joint, a spring or a shape that is not written; the text begins where
+            the name of the file ends.
+        ValueError: MuJoCo refuses it.
+    """
+    model = mujoco.MjModel.from_xml_string(mjcf(robot, plant_context, step, hardness))
+    if hardness is None or hardness.time is None:
+        _soften(model, robot, plant_context)
+    return model
+
+
+def _soften(model: mujoco.MjModel, robot: Robot, plant_context: Context) -> None:
+    """Give the contacts of soles and ground the stiffness and the damping of Drake's.
+
+    MuJoCo's law is f = D (a_ref - a), a_ref = -b v - k r, with D from an impedance d and from the
+    inertia at the contact. D k is the stiffness and D b the damping. D itself acts like a mass at
+    the contact: it is the least with which steps of this length are stable.
+    """
+    plant = robot.plant
+    ground = ground_of(plant)
+    weight = plant.CalcTotalMass(plant_context) * np.linalg.norm(
+        plant.gravity_field().gravity_vector()
+    )
+    stiffness: FloatArray = np.zeros(model.npair)
+    damping: FloatArray = np.zeros(model.npair)
+    for link in FEET:
+        for shape in plant.GetCollisionGeometriesForBody(plant.GetBodyByName(link)):
+            springs = _ground_springs(robot, shape, ground)
+            for number, spring in enumerate(springs):
+                name = f"{_name(shape)} {number}" if len(springs) > 1 else _name(shape)
+                geom = model.geom(name).id
+                pairs = (model.pair_geom1 == geom) | (model.pair_geom2 == geom)
+                stiffness[pairs] = spring
+                damping[pairs] = _dissipation(robot, ground)
+    # Hunt and Crossley's damping is force x dissipation: that of a foot which carries the weight.
+    damping *= 2.0 * weight * stiffness / max(stiffness.sum(), 1.0)
+    step = model.opt.timestep
+    for pair in np.flatnonzero(stiffness):
+        bodies = model.geom_bodyid[[model.pair_geom1[pair], model.pair_geom2[pair]]]
+        lightness = model.body_invweight0[bodies, 0].sum()  # 1 / kg
+        inertia = max(damping[pair] * step / _RESOLVED, stiffness[pair] * (step / _RESOLVED) ** 2)
+        impedance = inertia * lightness / (1.0 + inertia * lightness)
+        scale = lightness / (1.0 + inertia * lightness)
+        model.pair_solref[pair] = -scale * stiffness[pair], -scale * damping[pair]
+        model.pair_solimp[pair] = impedance, impedance, 1.0, 0.5, 2.0
+
+
+def _ground_springs(robot: Robot, shape: GeometryId, ground: GeometryId) -> list[float]:
+    """Return the stiffness on the ground of each point of a sole [N/m]; none of other shapes."""
+    inspector = robot.scene_graph.model_inspector()
+
+    def known(geometry: GeometryId, group: str, name: str) -> float:
+        properties = cast(Any, inspector.GetProximityProperties(geometry))
+        return float(properties.GetProperty(group, name))
+
+    found = inspector.GetShape(shape)
+    if isinstance(found, Sphere):
+        # Two springs in series, as Drake joins them.
+        one, other = (known(each, "material", _POINT_STIFFNESS) for each in (shape, ground))
+        return [one * other / (one + other)]
+    if not isinstance(found, Mesh):
+        return []
+    per_area = known(ground, "hydroelastic", "hydroelastic_modulus")
+    per_area /= known(ground, "hydroelastic", "slab_thickness")
+    vertices, faces = _points(found)
+    areas: FloatArray = np.zeros(len(vertices))
+    for face in faces:
+        a, b, c = vertices[face]
+        areas[face] += np.linalg.norm(np.cross(b - a, c - a)) / 6.0
+    return [float(per_area * area) for area in areas]
+
+
+def _dissipation(robot: Robot, ground: GeometryId) -> float:
+    """Return Hunt and Crossley's dissipation of a sole on the ground [s/m]: the ground's own."""
+    properties = cast(Any, robot.scene_graph.model_inspector().GetProximityProperties(ground))
+    return float(properties.GetProperty("material", "hunt_crossley_dissipation"))
+
+
+_POINT_STIFFNESS = "point_contact_stiffness"
+
+
+def mjcf(
+    robot: Robot, plant_context: Context, step: float, hardness: Hardness | None = None
+) -> str:
     """Write a robot on the ground as MJCF text.
 
     Args:
         robot: Its diagram.
         plant_context: A context of its plant, with the foot and the masses to be written.
         step: Time step [s].
+        hardness: Of its contacts.
 
     Raises:
         ModelError: it has a joint, a spring or a shape that is not written; the text begins where
             the name of the file ends.
     """
-    plant = robot.plant
+    plant, hardness = robot.plant, hardness or Hardness()
     root = Element("mujoco", model="robot")
     SubElement(root, "compiler", angle="radian", inertiafromgeom="false", autolimits="true")
-    # Elliptic: as Drake's friction cone, alike in all directions. Ten times as stiff along the
-    # ground as across: feet under load would creep otherwise.
     option = SubElement(
-        root, "option", timestep=repr(step), integrator="implicitfast", cone="elliptic",
-        impratio="10", gravity=_numbers(plant.gravity_field().gravity_vector()),
+        root, "option", timestep=repr(step), integrator="implicitfast",
+        cone="pyramidal" if hardness.pyramid else "elliptic",
+        impratio=repr(hardness.sideways), gravity=_numbers(plant.gravity_field().gravity_vector()),
     )  # fmt: skip
     SubElement(option, "flag", autoreset="disable")  # A walk that diverges must not begin anew.
     default = SubElement(root, "default")
-    soft = f"{CONTACT_TIME} 1"
+    soft = f"{hardness.time or _STIFF!r} 1"
     # Pairs alone decide what touches.
     SubElement(default, "geom", contype="0", conaffinity="0")
     # Points apart resist turning by their friction: no torsional one.
     SubElement(default, "pair", condim="3", solref=soft)
-    SubElement(default, "joint", solreflimit=soft)
+    SubElement(default, "joint", solreflimit=f"{_STIFF!r} 1")
     parts = {tag: SubElement(root, tag) for tag in ("asset", "worldbody", "contact", "actuator")}
 
     torso = plant.GetBodyByName(BASE)
@@ -300,6 +415,10 @@ def _number(shape: GeometryId) -> int:
     return int(shape.get_value())
 
 
+def _name(shape: GeometryId) -> str:
+    return f"shape {_number(shape)}"
+
+
 def _numbers_of(pair: Sequence[GeometryId]) -> list[int]:
     return [_number(shape) for shape in pair]
 
@@ -322,7 +441,7 @@ def _add_shape(
     """Write a shape, or the points of a sole; returns their names."""
     inspector = robot.scene_graph.model_inspector()
     shape, X_BG = inspector.GetShape(geometry), inspector.GetPoseInFrame(geometry)
-    name = f"shape {_number(geometry)}"
+    name = _name(geometry)
     sizes: FloatArray
     match shape:
         case Mesh() if body.name() in FEET:
@@ -358,15 +477,26 @@ def _add_shape(
 
 def _add_points(element: Element, mesh: Mesh, X_BG: RigidTransform, name: str) -> list[str]:
     """Write a sphere at each vertex of a sole's mesh, its lowest point there."""
-    text = mesh.source().in_memory().mesh_file.contents()
-    lines = (line.split() for line in text.decode().splitlines())
-    vertices: FloatArray = np.array([line[1:] for line in lines if line[0] == "v"], dtype=float)
-    _, first = np.unique(np.round(vertices / _SAME_POINT), axis=0, return_index=True)
     names = []
-    for number, vertex in enumerate(vertices[np.sort(first)]):
+    for number, vertex in enumerate(_points(mesh)[0]):
         names.append(f"{name} {number}")
         p_BP = X_BG @ np.add(vertex, (0.0, 0.0, _POINT))
         SubElement(
             element, "geom", name=names[-1], type="sphere", size=repr(_POINT), pos=_numbers(p_BP)
         )
     return names
+
+
+def _points(mesh: Mesh) -> tuple[FloatArray, np.ndarray]:
+    """Return the vertices of a sole's mesh [m], shape (n, 3), and its triangles, shape (m, 3).
+
+    What pieces share is one vertex.
+    """
+    text = mesh.source().in_memory().mesh_file.contents()
+    lines = [line.split() for line in text.decode().splitlines()]
+    vertices: FloatArray = np.array([line[1:] for line in lines if line[0] == "v"], dtype=float)
+    faces = np.array([line[1:] for line in lines if line[0] == "f"], dtype=int) - 1
+    _, first, numbers = np.unique(
+        np.round(vertices / _SAME_POINT), axis=0, return_index=True, return_inverse=True
+    )
+    return vertices[first], numbers.ravel()[faces]
