@@ -215,8 +215,8 @@ def test_looking_at_a_walk_does_not_change_it_and_every_frame_is_told():
     )
     own = simulate(FALLING, IN_MUJOCO)
     assert watched.outcome is own.outcome is Outcome.FELL
-    assert (watched.forward, watched.yaw, watched.steps) == (own.forward, own.yaw, own.steps)
-    assert len(seen) == own.steps + 1 == len(watched.history.time) - 1
+    assert (watched.forward, watched.yaw, watched.frames) == (own.forward, own.yaw, own.frames)
+    assert len(seen) == own.frames + 1 == len(watched.history.time) - 1
     assert own.history is None
 
 
@@ -227,12 +227,12 @@ def test_a_walk_is_the_same_bit_for_bit_in_another_process():
         "import numpy as np\n"
         "commands = 0.1 * np.sin(np.arange(241.0))[:, None] * np.ones(10)\n"
         "walk = follow(commands, settings=WalkSettings(engine='mujoco'))\n"
-        "print(repr((walk.steps, walk.forward, walk.lateral, walk.yaw, walk.com_height)))\n"
+        "print(repr((walk.frames, walk.forward, walk.lateral, walk.yaw, walk.com_height)))\n"
     )
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     commands = 0.1 * np.sin(np.arange(241.0))[:, None] * np.ones(10)
     walk = follow(commands, settings=WalkSettings(engine="mujoco"))
-    own = (walk.steps, walk.forward, walk.lateral, walk.yaw, walk.com_height)
+    own = (walk.frames, walk.forward, walk.lateral, walk.yaw, walk.com_height)
     assert told.stdout.strip() == repr(own)
 
 

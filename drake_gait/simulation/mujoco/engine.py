@@ -267,9 +267,9 @@ def _advance(
         if warnings or fall is not None:
             break
         if time.thread_time() > deadline:
-            return Walk.diverged(f"took longer than {time_limit:g} s", steps=frame)
+            return Walk.diverged(f"took longer than {time_limit:g} s", frames=frame)
     if warnings:
-        return Walk.diverged(f"solver: {warnings[0]}", steps=len(postures) - 2)
+        return Walk.diverged(f"solver: {warnings[0]}", frames=len(postures) - 2)
     log.begin()
     mujoco.mj_forward(found.model, data)
     log.end()
