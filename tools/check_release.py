@@ -57,7 +57,7 @@ def check(sdist: Path, python: Path, folder: Path, arguments: Sequence[str]) -> 
     if told.stdout.split() != [b"True"]:
         sys.exit("the tests would not run on the installed package")
     _run([python.with_name("drake-gait"), "--version"], cwd=source, env=environment)
-    tests = ["--numprocesses", "logical", "--dist", "loadgroup", "-m", "not slow", *arguments]
+    tests = ["--numprocesses", "logical", "--dist", "loadfile", "-m", "not slow", *arguments]
     _run([python, "-m", "pytest", *tests], cwd=source, env=environment)
 
 
