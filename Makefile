@@ -4,7 +4,8 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 ARGS ?=
-PYTEST = $(BIN)/python -m pytest --numprocesses logical --dist loadgroup
+# A file's tests stay in one process, which shares their fixtures.
+PYTEST = $(BIN)/python -m pytest --numprocesses logical --dist loadfile --no-loadscope-reorder
 
 # One thread in each of the processes that walk: more only slow each other down.
 export OPENBLAS_NUM_THREADS = 1

@@ -36,23 +36,6 @@ hypothesis_settings.load_profile("laws")
 signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
-SHARED_FIXTURE = "finished_run"
-"""A fixture that takes a minute, and that tests of several files share."""
-
-SHARED_IN_A_FILE = {"corrected", "found", "learnt", "network", "reference", "running", "whole"}
-"""Fixtures that take seconds, and that tests of one file share."""
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items):
-    """Have one process run all tests that share a fixture, where several processes run them."""
-    for item in items:
-        used = set(item.fixturenames)
-        if SHARED_FIXTURE in used:
-            item.add_marker(pytest.mark.xdist_group(SHARED_FIXTURE))
-        elif used & SHARED_IN_A_FILE:
-            item.add_marker(pytest.mark.xdist_group(item.path.stem))
-
 
 DESCRIPTION = {
     "settings": {"study.seed": 0, "search.samples": 20, "walk.model": "khr3hv.sdf"},

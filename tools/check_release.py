@@ -24,6 +24,7 @@ _ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 """As the Makefile has it: the tests run on all cores."""
 
 _WHERE = "import drake_gait, sys; print(drake_gait.__file__.startswith(sys.prefix))"
+_PACKAGES = "import sysconfig; print(sysconfig.get_path('purelib'))"
 
 
 def build(folder: Path) -> tuple[Path, Path]:
@@ -48,7 +49,10 @@ def check(sdist: Path, python: Path, folder: Path, arguments: Sequence[str]) -> 
     with tarfile.open(sdist) as archive:
         archive.extractall(folder, filter="data")
     source = folder / sdist.name.removesuffix(".tar.gz")
-    # Python's safe path has no current folder: the sdist's own package is not imported.
+    # Workers import functions of `tests`. The installed package comes before the sdist's own one,
+    # as Python's safe path has no current folder.
+    packages = subprocess.run([python, "-c", _PACKAGES], check=True, capture_output=True, text=True)
+    (Path(packages.stdout.strip()) / "sdist.pth").write_text(f"{source}\n", encoding="utf-8")
     environment = {**os.environ, **_ONE_THREAD, "PYTHONSAFEPATH": "1"}
     environment.pop("PYTHONPATH", None)
     told = subprocess.run(
@@ -57,7 +61,7 @@ def check(sdist: Path, python: Path, folder: Path, arguments: Sequence[str]) -> 
     if told.stdout.split() != [b"True"]:
         sys.exit("the tests would not run on the installed package")
     _run([python.with_name("drake-gait"), "--version"], cwd=source, env=environment)
-    tests = ["--numprocesses", "logical", "--dist", "loadgroup", "-m", "not slow", *arguments]
+    tests = ["--numprocesses", "logical", "--dist", "loadfile", "-m", "not slow", *arguments]
     _run([python, "-m", "pytest", *tests], cwd=source, env=environment)
 
 
