@@ -71,6 +71,7 @@ def open_study(settings: StudySettings, folder: Path, proposer: Proposer | None 
         study.require(wanted)
         _require_proposer(study, _name(proposer, settings))
         study.resize(settings.search.simulations)
+        study.adopt(wanted["settings"])
         known = study.description()
         if settings.source is not None and "source" not in known:  # Of before.
             study.set("source", asdict(settings.source))
