@@ -210,9 +210,13 @@ def _counts(walks: Sequence[StudyWalk], feasible: int) -> dict[str, Any] | None:
 
 def robust_table(settings: StudySettings, walks: Sequence[StudyWalk]) -> str:
     """Return the candidates that were walked again in full, as text; a sentence without any."""
-    lines = [
-        " walk   Z [mm]   T1 median  feasible    T2 median  feasible   T3 upright  feasible   tier",
-    ]
+    heads = (
+        " walk   Z [mm]",
+        " T1 median  feasible",
+        " T2 median  feasible",
+        "T3 upright  feasible",
+    )
+    lines = ["   ".join((*heads, "T4 sole  engine", "tier"))]
     for one in finalists(settings, walks):
         if len(one.variations) < settings.confirmation.replicas:
             continue
@@ -221,6 +225,7 @@ def robust_table(settings: StudySettings, walks: Sequence[StudyWalk]) -> str:
             _in_tier(one.variations, one.feasible, f"{1e3 * one.median:.1f}"),
             _in_tier(one.converged, one.converged_feasible, _median_mm(one.converged)),
             _in_tier(one.servo, one.servo_feasible, _upright(one.servo)),
+            f"{_part(one, one.other_sole):>7}  {_part(one, one.other_engine):>6}",
             f"T{one.tier}",
         )
         lines.append("   ".join(parts))
@@ -232,6 +237,15 @@ def robust_table(settings: StudySettings, walks: Sequence[StudyWalk]) -> str:
 def _in_tier(walks: Sequence[StudyWalk], feasible: int, told: str) -> str:
     share = f"{feasible} of {len(walks)}" if walks else "-"
     return f"{told:>10}  {share:>8}"
+
+
+def _part(finalist: Finalist, other: StudyWalk | None) -> str:
+    """Return how much of its distance a finalist walked elsewhere, as text."""
+    if other is None or finalist.reference is None or not finalist.reference.walk.forward:
+        return "-"
+    if not other.walk.survived:
+        return str(other.walk.outcome)
+    return f"{100.0 * other.walk.forward / finalist.reference.walk.forward:.0f} %"
 
 
 def _median_mm(walks: Sequence[StudyWalk]) -> str:
