@@ -190,7 +190,7 @@ mass = 0.1
 command_delay_ms = 30
 integrator_step = 0.5
 tiers = {{mass = 2, joint_zero = 1}}
-means = true
+means = false
 transfer = false
 transfer_distance = 0.2
 """
@@ -203,7 +203,7 @@ transfer_distance = 0.2
         command_delay=0.03,
         integrator_step=0.5,
         tiers={"mass": 2, "joint_zero": 1},
-        means=True,
+        means=False,
         transfer=False,
         transfer_distance=0.2,
     )

@@ -29,7 +29,7 @@ GOOD = Walk(outcome=Outcome.WALKED, steps=240, forward=0.2, lateral=0.0, yaw=0.0
 
 @pytest.fixture
 def settings(study):
-    return dataclasses.replace(study, confirmation=ConfirmationSettings(means=True))
+    return dataclasses.replace(study, confirmation=ConfirmationSettings())
 
 
 def point(number):
@@ -163,7 +163,7 @@ def test_a_mean_that_falls_as_it_is_is_dropped(settings, path):
 
 
 def test_without_means_no_mean_is_walked(settings, path):
-    plain = dataclasses.replace(settings, confirmation=ConfirmationSettings())
+    plain = dataclasses.replace(settings, confirmation=ConfirmationSettings(means=False))
     walks = confirmed(plain, path)
     assert not any(walk.is_mean for walk in walks)
     assert winner(plain, walks).trusted == pytest.approx(0.2)
