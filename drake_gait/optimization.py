@@ -77,6 +77,7 @@ def open_study(settings: StudySettings, folder: Path, proposer: Proposer | None 
         study.require(wanted)
         _require_proposer(study, _name(proposer, settings))
         study.resize(settings.search.simulations)
+        study.adopt(wanted["settings"])
         known = study.description()
         if "finished" not in known:
             study.require_at_hand(settings.quantities)

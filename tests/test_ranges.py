@@ -18,7 +18,10 @@ TABLES = {
     "servo": study_keys.SERVO,
     "constraints": study_keys.CONSTRAINTS,
     "foot": study_keys.FOOT,
-    "confirmation": {"noise_deg": study_keys.CONFIRMATION["noise_deg"]},
+    "confirmation": {
+        key: study_keys.CONFIRMATION[key]
+        for key in ("noise_deg", "joint_zero_deg", "command_delay_ms")
+    },
     "walk": study_keys.WALK,
 }
 KEYS = [
@@ -37,7 +40,7 @@ def refusal(read, section, key, value):
 
 
 def test_every_key_with_a_unit_in_its_name_has_one():
-    endings = ("_mm", "_deg", "_j", "_n_m", "_per_rad", "_per_s", "_per_deg", "_s")
+    endings = ("_mm", "_deg", "_j", "_n_m", "_per_rad", "_per_s", "_per_deg", "_s", "_ms")
     for section, keys in study_keys.KEYS.items():
         for key in keys:
             if key.endswith(endings):

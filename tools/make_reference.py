@@ -63,6 +63,7 @@ _TOLD = {
     "study.question": ("empty", ""),
     "study.quantities": ("none", "a path", _OWN),
     "search.objective": ("distance", "[a quantity](#quantities)"),
+    "confirmation.tiers": ("empty", "1, 2 or 3, as `{joint_zero = 2}`"),
     "box.chosen": ("empty", "", "How the box was chosen."),
     "box.centre_deg": ("required", "Table I"),
     "box.centre_from": ("none", "a path", _EARLIER),

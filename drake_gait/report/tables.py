@@ -119,6 +119,8 @@ def tiers(settings: StudySettings, walks: Sequence[StudyWalk]) -> Table | None:
             *_in_tier(one.variations, one.feasible, number(1e3 * one.median, 1)),
             *_in_tier(one.converged, one.converged_feasible, _median(one.converged)),
             *_in_tier(one.servo, one.servo_feasible, _upright(one.servo)),
+            _part_elsewhere(one, one.other_sole),
+            _part_elsewhere(one, one.other_engine),
             f"T{one.tier}",
         ]
         for one in study_finalists.finalists(settings, walks)
@@ -137,10 +139,21 @@ def tiers(settings: StudySettings, walks: Sequence[StudyWalk]) -> Table | None:
             "feasible",
             "T3 upright",
             "feasible",
+            "T4 sole",
+            "engine",
             "tier",
         ],
         rows=rows,
     )
+
+
+def _part_elsewhere(finalist: study_finalists.Finalist, other: StudyWalk | None) -> str:
+    """Return how much of its distance a finalist walked on another sole or in another engine."""
+    if other is None or finalist.reference is None or not finalist.reference.walk.forward:
+        return "–"
+    if not other.walk.survived:
+        return str(other.walk.outcome)
+    return f"{100.0 * other.walk.forward / finalist.reference.walk.forward:.0f} %"
 
 
 def _in_tier(walks: Sequence[StudyWalk], feasible: int, told: str) -> tuple[str, str]:

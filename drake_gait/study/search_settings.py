@@ -188,7 +188,7 @@ class ConfirmationSettings:
     """Tiers of changes that are not to be in their own, by the names of these fields."""
     own: tuple[Change, ...] = ()
     """Changes of a user's own."""
-    means: bool = False
+    means: bool = True
     """Whether means of neighbours, which the search never walked, are candidates too."""
     transfer: bool = True
     """Whether the winner is walked on the other sole and in the other engine."""

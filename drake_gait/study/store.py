@@ -67,6 +67,8 @@ _LOOKS = {"label", "symbol", "digits", "limit"}
 
 _BUDGET = "search.simulations"
 """The setting that may change in a study: its walks are the same, there are more or fewer."""
+_MORE = frozenset(f"confirmation.{name}" for name in ("means", "transfer", "transfer_distance"))
+"""Settings that may change too: walks are added to those that confirm, or counted otherwise."""
 
 _KINDS = {
     # No whole number stands for none.
@@ -269,7 +271,7 @@ class Study:
         now = wanted.get("settings", found["settings"])
         self._require_quantities(wanted.get(QUANTITIES, []), found)
         was = {key: OLDER[key] for key in OLDER.keys() & now.keys()} | found["settings"]
-        for key in sorted((was.keys() | now.keys()) - _WORDS - {_BUDGET}):
+        for key in sorted((was.keys() | now.keys()) - _WORDS - _MORE - {_BUDGET}):
             if was.get(key) != now.get(key):
                 told = difference(key, was.get(key), now.get(key), self.quantities())
                 raise StudyError(f"{folder} holds a study with {told}; {cure}")
@@ -339,6 +341,16 @@ class Study:
                 "update study set value = ? where key = 'settings'", (json.dumps(settings),)
             )
             connection.execute("delete from study where key = 'finished'")
+
+    def adopt(self, wanted: Mapping[str, Any]) -> None:
+        """Keep the settings of `wanted` that add to a confirmation, unless it is finished."""
+        known = self.description()
+        settings = known["settings"]
+        if "finished" in known:
+            return
+        changed = {key: wanted[key] for key in _MORE & wanted.keys()}
+        if any(settings.get(key) != value for key, value in changed.items()):
+            self.set("settings", settings | changed)
 
     def _budget_used(self) -> int:
         """The smallest budget that has room for every walk."""

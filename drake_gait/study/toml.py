@@ -30,6 +30,8 @@ def study_toml(settings: StudySettings) -> str:
             value = str(Path(value).absolute())
         key, unit = in_file(name, settings.quantities)
         section, _, short = key.partition(".")
+        if short not in KEYS[section]:  # A user's own changes are objects.
+            continue
         sections[section].append(f"{short} = {as_toml(value, unit)}")
     lines = [f"{_HEADER}{_origin(settings)}.", ""]
     for section, entries in sections.items():
