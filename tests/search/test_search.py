@@ -76,8 +76,9 @@ def test_an_interrupted_study_does_not_wait_for_a_network(study, path, monkeypat
         "learning",
         lambda self, vintage: learn if vintage == 2 else learning(self, vintage),
     )
+    settings = planned(study, samples=40, simulations=60, batch=5)
     with pytest.raises(Interruption):
-        run(study, path, Ground(study.space, stop_after=47))
+        run(settings, path, Ground(study.space, stop_after=52))
     assert not learned.is_set()
     interrupted.set()
     assert learned.wait(60.0)
@@ -197,15 +198,16 @@ def test_sampling_on_ends_with_enough_survivors_for_a_network(study, tmp_path):
     def rarely(x):
         return walk_at(x) if x[0] > 0.1 else fall_at(x)
 
-    settings = planned(study, samples=20, simulations=60, batch=10)
+    settings = planned(study, samples=20, simulations=70, batch=10)
     walks = run(settings, tmp_path / "whole.db", Ground(settings.space, rarely))
     stages = [walk.stage for walk in walks]
     first = stages.index("infill")
     assert first > 20
-    # It is made while the ten walks before it are under way, and knows those before them.
+    # Its network is learnt while the ten walks before it are under way, before half of those before
+    # them have ended, and knows the others.
     survived = np.cumsum([walk.walk.survived for walk in walks])
-    assert survived[first - 11] >= surrogate.FEWEST_SURVIVORS
-    assert survived[first - 21] < surrogate.FEWEST_SURVIVORS
+    assert survived[first - 21] >= surrogate.FEWEST_SURVIVORS
+    assert survived[first - 31] < surrogate.FEWEST_SURVIVORS
     # Interrupted while it samples on, it is the same study.
     path = tmp_path / "parted.db"
     with pytest.raises(Interruption):
