@@ -1,6 +1,7 @@
 """Ranges of settings: checked in SI units, told in whatever unit a person wrote the value."""
 
 import math
+import re
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, TypeVar
@@ -17,9 +18,24 @@ class Unit:
     si: float = 1.0
     """One of it in SI units."""
 
+    @property
+    def short(self) -> str:
+        """Its name in a table."""
+        return "deg" if self.name == "degrees" else self.name
+
+    @property
+    def suffix(self) -> str:
+        """What the key of a file ends with: mm, n_m or rad_per_s."""
+        text = self.short.lower().replace("/", "_per_").replace("·", "_")
+        return re.sub(r"[^a-z0-9_]", "", text)
+
 
 NONE = Unit(name="")
 """The unit of a plain number."""
+DEGREES = Unit(name="degrees", si=math.pi / 180.0)
+MM = Unit(name="mm", si=1e-3)
+N_M, JOULES, SECONDS = Unit(name="N·m"), Unit(name="J"), Unit(name="s")
+RAD_PER_S = Unit(name="rad/s")
 
 
 @dataclass(frozen=True, kw_only=True)

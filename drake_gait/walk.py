@@ -1,6 +1,7 @@
 """How a walk is simulated, and what one simulation left behind."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
@@ -227,7 +228,7 @@ class Walk:
 
     outcome: Outcome
     """How the walk ended."""
-    steps: int
+    frames: int
     """Control frames completed before the robot fell: N, at most 240."""
     forward: float
     """Displacement of the centre of mass along world x [m]: Z_f."""
@@ -245,6 +246,8 @@ class Walk:
     """Time histories, when asked for."""
     measures: Measures | None = None
     """Energy, slip and the like, when histories are asked for."""
+    values: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    """Quantities that nothing else here tells, by name [SI], one value for each part."""
 
     @property
     def survived(self) -> bool:
@@ -262,11 +265,11 @@ class Walk:
         return "lost"
 
     @classmethod
-    def diverged(cls, reason: str, steps: int = 0) -> "Walk":
+    def diverged(cls, reason: str, frames: int = 0) -> "Walk":
         """The stated numbers of a walk that could not be simulated to its end: all zero."""
         return cls(
             outcome=Outcome.DIVERGED,
-            steps=steps,
+            frames=frames,
             forward=0.0,
             lateral=0.0,
             yaw=0.0,

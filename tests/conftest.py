@@ -82,11 +82,11 @@ def walk_at(x):
     """A walk that depends smoothly on the design vector, with a region where the robot falls."""
     if x[3] + x[4] > 1.2:
         return Walk(
-            outcome=Outcome.FELL, steps=120, forward=0.05, lateral=0.03, yaw=0.5, com_height=0.1
+            outcome=Outcome.FELL, frames=120, forward=0.05, lateral=0.03, yaw=0.5, com_height=0.1
         )
     return Walk(
         outcome=Outcome.WALKED,
-        steps=240,
+        frames=240,
         forward=float(0.15 - 0.01 * ((x[:8] - TARGET) ** 2).sum()),
         lateral=float(0.03 * x[8] + 0.01 * x[9] * x[10]),
         yaw=float(0.15 * np.sin(x[11])),
@@ -97,7 +97,7 @@ def walk_at(x):
 def fall_at(x):
     return Walk(
         outcome=Outcome.FELL,
-        steps=int(100 + 20 * x[0]),
+        frames=int(100 + 20 * x[0]),
         forward=0.0,
         lateral=0.0,
         yaw=0.0,
@@ -265,7 +265,7 @@ def walked() -> Walk:
     """A feasible walk with numbers that need all digits of a double."""
     return Walk(
         outcome=Outcome.WALKED,
-        steps=240,
+        frames=240,
         forward=0.1 + 1 / 30,
         lateral=-1 / 300,
         yaw=np.pi / 97,

@@ -37,7 +37,7 @@ def stride(candidate):
     forward = float(np.sin(candidate.gait.coefficients[0, 0] + 1.0) / 3.0)
     return Walk(
         outcome=Outcome.WALKED,
-        steps=240,
+        frames=240,
         forward=forward,
         lateral=float(number_of(candidate)),
         yaw=0.0,

@@ -45,6 +45,7 @@ WALLS = {
     "distributed": {"execution"},
     "matplotlib": {"visualization"},
     "cmaes": {"search"},
+    "cloudpickle": {"problem"},
     "rich": {"cli"},
     "optuna": {"report"},
     "sqlalchemy": {"report"},
@@ -160,7 +161,17 @@ def test_nobody_imports_all_of_drake():
 
 
 def test_the_package_depends_on_declared_libraries_only():
-    declared = {"cmaes", "jinja2", "matplotlib", "numpy", "pydrake", "rich", "scipy", "torch"}
+    declared = {
+        "cloudpickle",
+        "cmaes",
+        "jinja2",
+        "matplotlib",
+        "numpy",
+        "pydrake",
+        "rich",
+        "scipy",
+        "torch",
+    }
     declared |= {"drake_gait", "sklearn", "threadpoolctl"}
     extras = {"dask", "distributed", "optuna", "sqlalchemy"}
     for path in PACKAGE:

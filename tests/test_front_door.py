@@ -25,6 +25,7 @@ from drake_gait import (
 )
 from drake_gait.cli.optimize import main as optimize
 from drake_gait.errors import SettingsError, StudyError, WorkerError
+from drake_gait.report.study_result import with_frames
 from drake_gait.search.confirmation import walked_as
 from drake_gait.study.search_settings import ConfirmationSettings, SearchSettings
 
@@ -290,7 +291,7 @@ def test_a_file_that_is_no_result_is_named_with_the_cure(tmp_path, content):
 def test_the_result_of_a_committed_study_is_read_and_written_as_it_is(repository, name):
     folder = repository / "studies" / name
     result = StudyResult.read(folder)
-    known = json.loads((folder / "result.json").read_bytes())
+    known = with_frames(json.loads((folder / "result.json").read_bytes()))
     for key, value in known.items():
         if key not in ("finalists", "measures", "coefficients_deg", "com_height_mm", "yaw_deg"):
             same = pytest.approx(value, rel=1e-12) if isinstance(value, float) else value
@@ -299,6 +300,16 @@ def test_the_result_of_a_committed_study_is_read_and_written_as_it_is(repository
     assert result.winner.candidate.gait.degrees == pytest.approx(
         np.array(known["coefficients_deg"])
     )
+
+
+def test_a_result_that_calls_frames_steps_is_read_as_one_that_does_not(settings, tmp_path):
+    proposer = Corners(settings)
+    result = run_study(settings, tmp_path, proposer=proposer, executor=Made(settings.space))
+    path = tmp_path / "result.json"
+    now = path.read_text()
+    path.write_text(now.replace('"frames"', '"steps"'))
+    assert path.read_text() != now
+    assert StudyResult.read(tmp_path).plain() == result.plain()
 
 
 @pytest.mark.slow

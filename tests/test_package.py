@@ -35,7 +35,7 @@ for name in sys.argv[2].split():
     if name.endswith(".toml"):
         assert read_any(find(Path(name)))
 space = read_study(default_study()).space
-assert simulate(space.decode(numpy.zeros(space.dimension))).steps > 0
+assert simulate(space.decode(numpy.zeros(space.dimension))).frames > 0
 """
 
 

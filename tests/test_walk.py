@@ -22,5 +22,5 @@ def test_a_walk_that_diverged_says_in_a_word_why(reason, cause):
 
 @pytest.mark.parametrize(("outcome", "failure"), [(Outcome.WALKED, None), (Outcome.FELL, "fell")])
 def test_a_walk_that_was_simulated_fails_by_a_fall_alone(outcome, failure):
-    walk = Walk(outcome=outcome, steps=9, forward=0.0, lateral=0.0, yaw=0.0, com_height=0.2)
+    walk = Walk(outcome=outcome, frames=9, forward=0.0, lateral=0.0, yaw=0.0, com_height=0.2)
     assert walk.failure == failure

@@ -211,7 +211,7 @@ def walk_in_mujoco(candidate: Candidate, settings: WalkSettings, step: float) ->
     frames = step_commands(candidate.gait.commands_from(settings.start), step).reshape(
         FRAMES, -1, len(JOINTS)
     )
-    outcome, steps = Outcome.WALKED, FRAMES
+    outcome, completed = Outcome.WALKED, FRAMES
     for frame, commands in enumerate(frames):
         for command in commands:
             data.ctrl = command
@@ -219,11 +219,11 @@ def walk_in_mujoco(candidate: Candidate, settings: WalkSettings, step: float) ->
         R_WT, p_WT, com_end = posture()
         headings.append(np.arctan2(R_WT[1, 0], R_WT[0, 0]))
         if not (R_WT[2, 2] > np.cos(FALL_TILT) and p_WT[2] > fall_height):
-            outcome, steps = Outcome.FELL, frame
+            outcome, completed = Outcome.FELL, frame
             break
     return Walk(
         outcome=outcome,
-        steps=steps,
+        frames=completed,
         forward=float(com_end[0] - com_start[0]),
         lateral=float(com_end[1] - com_start[1]),
         yaw=float(np.unwrap(headings)[-1] - headings[0]),

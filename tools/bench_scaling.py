@@ -53,7 +53,7 @@ def sleep(trial: Trial) -> Timed:
     time.sleep(WALK_TIME)
     away = float(np.abs(trial.candidate.gait.coefficients).sum())
     walk = Walk(
-        outcome=Outcome.WALKED, steps=240, forward=0.5 - 0.1 * away, lateral=0.001, yaw=0.01,
+        outcome=Outcome.WALKED, frames=240, forward=0.5 - 0.1 * away, lateral=0.001, yaw=0.01,
         com_height=0.245,
     )  # fmt: skip
     return walk, WALK_TIME

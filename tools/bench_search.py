@@ -277,10 +277,10 @@ def table_ii(folders: Sequence[Path], settings: Sequence[StudySettings], walks: 
         walk = best.walk
         lines.append(
             f"| seed {one.seed}, walk {best.id} | {1e3 * walk.lateral:.1f} | "
-            f"{1e3 * walk.forward:.1f} | {np.degrees(walk.yaw):.2f} | {walk.steps} |"
+            f"{1e3 * walk.forward:.1f} | {np.degrees(walk.yaw):.2f} | {walk.frames} |"
         )
-    for number, (lateral, forward, yaw, steps) in enumerate(PAPER_TABLE, 1):
-        lines.append(f"| the paper's F{number} | {lateral} | {forward} | {yaw} | {steps} |")
+    for number, (lateral, forward, yaw, frames) in enumerate(PAPER_TABLE, 1):
+        lines.append(f"| the paper's F{number} | {lateral} | {forward} | {yaw} | {frames} |")
     return "\n".join(lines)
 
 

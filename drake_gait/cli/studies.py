@@ -149,7 +149,7 @@ def _walks(one: Standing) -> str:
         walk = entry.walk
         millimetres = [f"{1e3 * value:.1f}" for value in (walk.forward, walk.lateral)]
         yaw, height = f"{np.degrees(walk.yaw):.2f}", f"{1e3 * walk.com_height:.1f}"
-        rows.append([str(entry.id), *millimetres, yaw, height, str(walk.steps), entry.stage])
+        rows.append([str(entry.id), *millimetres, yaw, height, str(walk.frames), entry.stage])
     return _aligned(rows)
 
 

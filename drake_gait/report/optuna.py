@@ -217,7 +217,7 @@ def _trial(
         value=-assessment.objective if state is TrialState.COMPLETE else None,
         params={name: columns[name] for name in ranges},
         distributions=dict(ranges),
-        intermediate_values={walk.walk.steps: -assessment.objective} if simulated else {},
+        intermediate_values={walk.walk.frames: -assessment.objective} if simulated else {},
         user_attrs={
             name: _readable(value)
             for name, value in columns.items()

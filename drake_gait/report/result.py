@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from drake_gait.problem import OUTPUTS, Constraints
+from drake_gait.problem import Constraints
 from drake_gait.provenance import versions
-from drake_gait.report.study_result import best_in_words, distances, plain_walk
+from drake_gait.report.study_result import best_in_words, distances, plain_walk, quantities_of
 from drake_gait.study.finalists import Finalist, Tier, best_unslipping, finalists, winner
 from drake_gait.study.ranking import best_walk, feasible_walks
 from drake_gait.study.records import StudyWalk
@@ -55,6 +55,7 @@ def summary(
     robust = winner(settings, walks)
     best = robust.walk if robust else nominal_best
     unslipping = best_unslipping(settings, walks)
+    outputs = [one.name for one in settings.outputs]
     return {
         "study": settings.name,
         "seed": settings.seed,
@@ -62,6 +63,7 @@ def summary(
         "proposer": proposer,
         "verdict": verdict(settings, walks),
         "best": plain_walk(best) if best else None,
+        "quantities": quantities_of(best.walk, settings.quantities) if best else None,
         "winner": robust.walk.id if robust else None,
         "tier": int(robust.tier) if robust else int(Tier.FOUND),
         "trusted_mm": _mm(robust.trusted) if robust else None,
@@ -74,10 +76,10 @@ def summary(
         "confirmations": len(walks) - len(searched),
         "survivors": sum(walk.walk.survived for walk in searched),
         "feasible_count": sum(settings.assess(walk.walk).feasible for walk in searched),
-        "r2_train": _by_output(network.r2_train if network else None),
-        "r2_heldout": _by_output(network.r2_heldout if network else None),
-        "r2_heldout_ridge": _by_output(baselines.ridge if baselines else None),
-        "r2_heldout_kriging": _by_output(baselines.kriging if baselines else None),
+        "r2_train": _by_output(network.r2_train if network else None, outputs),
+        "r2_heldout": _by_output(network.r2_heldout if network else None, outputs),
+        "r2_heldout_ridge": _by_output(baselines.ridge if baselines else None, outputs),
+        "r2_heldout_kriging": _by_output(baselines.kriging if baselines else None, outputs),
         "survival_auc": baselines.network_auc if baselines else None,
         "survival_auc_logistic": baselines.logistic_auc if baselines else None,
         "wall_s": wall_s,
@@ -167,7 +169,7 @@ def _finalist(settings: StudySettings, finalist: Finalist) -> dict[str, Any]:
         and {
             "outcome": str(reference.walk.outcome),
             **distances(reference.walk),
-            "steps": reference.walk.steps,
+            "frames": reference.walk.frames,
             "feasible": settings.assess(reference.walk).feasible,
         },
         "measures": measured and measured.walk.measures and asdict(measured.walk.measures),
@@ -237,7 +239,7 @@ def table(walks: Sequence[StudyWalk], limits: Constraints) -> str:
                 1e3 * entry.walk.lateral,
                 1e3 * entry.walk.forward,
                 float(np.degrees(entry.walk.yaw)),
-                entry.walk.steps,
+                entry.walk.frames,
             )
         lines.append(f"{left:<40}    F{len(PAPER_TABLE) - place} {_row(*paper)}")
     return "\n".join(lines)
@@ -275,10 +277,10 @@ def _rounded(value: float | None, digits: int) -> str:
 def in_words(walk: Walk) -> str:
     """Return the paper's four numbers of a walk, as text, or why there are none."""
     if walk.outcome is Outcome.DIVERGED:
-        return f"not simulated to its end ({walk.reason}), {walk.steps} frames"
+        return f"not simulated to its end ({walk.reason}), {walk.frames} frames"
     return (
         f"{1e3 * walk.forward:.1f} mm forward, {1e3 * walk.lateral:.1f} mm lateral, "
-        f"{np.degrees(walk.yaw):.2f} degrees, {walk.steps} frames"
+        f"{np.degrees(walk.yaw):.2f} degrees, {walk.frames} frames"
     )
 
 
@@ -302,15 +304,15 @@ def manner_in_words(measures: Measures) -> str:
     )
 
 
-def _row(lateral_mm: float, forward_mm: float, yaw_deg: float, steps: int) -> str:
-    return f"{lateral_mm:8.3f} {forward_mm:8.2f} {yaw_deg:8.3f} {steps:4d}"
+def _row(lateral_mm: float, forward_mm: float, yaw_deg: float, frames: int) -> str:
+    return f"{lateral_mm:8.3f} {forward_mm:8.2f} {yaw_deg:8.3f} {frames:4d}"
 
 
-def _by_output(values: Any) -> Mapping[str, float | None]:
+def _by_output(values: Any, names: Sequence[str]) -> Mapping[str, float | None]:
     if values is None:
-        return dict.fromkeys(OUTPUTS)
+        return dict.fromkeys(names)
     # Of an output that does not vary nothing is explained, and JSON has no word for that number.
     return {
         name: float(value) if np.isfinite(value) else None
-        for name, value in zip(OUTPUTS, values, strict=False)
+        for name, value in zip(names, values, strict=True)
     }

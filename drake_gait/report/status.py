@@ -191,7 +191,7 @@ def _plain_walk(entry: StudyWalk) -> dict[str, Any]:
         "lateral": walk.lateral,
         "yaw": walk.yaw,
         "com_height": walk.com_height,
-        "steps": walk.steps,
+        "frames": walk.frames,
         "coefficients": entry.candidate.gait.coefficients.tolist(),
         "foot": asdict(entry.candidate.foot),
     }

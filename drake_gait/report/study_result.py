@@ -13,7 +13,7 @@ from drake_gait.files.destination import write
 from drake_gait.files.strict_json import from_json, plain, to_json
 from drake_gait.foot import FootDesign
 from drake_gait.gait import Gait
-from drake_gait.problem import Candidate
+from drake_gait.problem import BUILT_IN, Candidate, Quantity
 from drake_gait.study.records import StudyWalk
 from drake_gait.walk import Measures, Outcome, Walk
 
@@ -29,6 +29,7 @@ OF_THE_REPORT = (
     "survival_auc_logistic",
     "measures",
     "jumps_deg",
+    "quantities",
 )
 """Keys that are null until `write_report` has learnt a network and walked the best walk again."""
 
@@ -132,6 +133,8 @@ class StudyResult:
     """Measures of the best walk."""
     jumps_deg: Mapping[str, float] | None = None
     """How far the gait of the best walk misses its nodes at 0.3 and 3.3 s [deg]."""
+    quantities: Mapping[str, Any] | None = None
+    """Every known quantity of the best walk by its name [SI]; a list where it has parts."""
 
     @classmethod
     def read(cls, folder: str | Path) -> Self:
@@ -151,6 +154,7 @@ class StudyResult:
             StudyError: a key is missing, or holds what no result has.
         """
         try:
+            content = with_frames(content)
             best = _best(content)
             known = {one.name: content[one.name] for one in fields(cls) if one.name in content}
             robust = content["winner"] is not None
@@ -203,10 +207,29 @@ def best_in_words(best: StudyWalk | None) -> dict[str, Any]:
         "walk": best.id if best else None,
         "outcome": str(walk.outcome) if walk else None,
         **distances(walk),
-        "steps": walk.steps if walk else None,
+        "frames": walk.frames if walk else None,
         "coefficients_deg": best.candidate.gait.degrees.tolist() if best else None,
         "foot": asdict(best.candidate.foot) if best else None,
     }
+
+
+def quantities_of(walk: Walk, own: Sequence[Quantity] = ()) -> dict[str, Any]:
+    """Return every known quantity of a walk by its name [SI]; a list where it has parts.
+
+    A number that is not finite is None. A walk that was not simulated to its end has none.
+
+    Args:
+        walk: The walk.
+        own: Quantities of the study's own.
+    """
+    found: dict[str, Any] = {}
+    for one in (*BUILT_IN.values(), *own):
+        if walk.outcome is Outcome.DIVERGED and one.name not in walk.values:
+            continue
+        values = [value if np.isfinite(value) else None for value in one.values(walk) or ()]
+        if values:
+            found[one.name] = values if one.parts else values[0]
+    return found
 
 
 def distances(walk: Walk | None) -> dict[str, float | None]:
@@ -253,7 +276,18 @@ def read_result(folder: Path) -> dict[str, Any]:
         raise StudyError(f"cannot read {path}: {reason}; {_cure(folder)}") from None
     if not isinstance(found, dict):
         raise StudyError(f"{path} is no result of a study")
-    return found
+    return with_frames(found)
+
+
+def with_frames(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the content of a result.json, in which older versions called frames "steps"."""
+
+    def renamed(value: Any) -> Any:
+        if isinstance(value, Mapping):
+            return with_frames(value)
+        return [renamed(one) for one in value] if isinstance(value, list) else value
+
+    return {"frames" if key == "steps" else key: renamed(value) for key, value in content.items()}
 
 
 def _cure(folder: Path) -> str:
@@ -275,6 +309,10 @@ def _best(content: Mapping[str, Any]) -> StudyWalk | None:
             name: np.nan if value is None and name in _NUMBERS else value
             for name, value in walk.items()
         }
+        numbers["values"] = {
+            name: tuple(np.nan if one is None else one for one in values)
+            for name, values in walk.get("values", {}).items()
+        }
         numbers["measures"] = walk["measures"] and _measures(walk["measures"])
         numbers["outcome"] = Outcome(walk["outcome"])
         kept["walk"] = Walk(**numbers)
@@ -292,7 +330,7 @@ def _best(content: Mapping[str, Any]) -> StudyWalk | None:
         ),
         walk=Walk(
             outcome=Outcome(content["outcome"]),
-            steps=content["steps"],
+            frames=content["frames"],
             forward=forward,
             lateral=lateral,
             yaw=float(np.radians(content.get("yaw_deg") or 0.0)),

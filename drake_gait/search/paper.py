@@ -47,7 +47,7 @@ class PaperProcedure:
         self._isade, self._network = isade or IsadeSettings(), network
         self.name = f"PaperProcedure({self._isade}, {self._network})"
         self.samples = settings.search.samples
-        self._names = (*settings.outputs, "steps")
+        self._names = (*settings.outputs, "frames")
 
     def vintage(self, iteration: int) -> int:
         """Its own: each network knows all walks."""
@@ -59,7 +59,7 @@ class PaperProcedure:
             return None
         settings, walks = self._settings, all_walks(known)
         x, outputs, _ = training_data(walks, settings.space, settings.outputs)
-        frames = [[float(walk.walk.steps)] for walk in walks]
+        frames = [[float(walk.walk.frames)] for walk in walks]
         targets = np.nan_to_num(np.column_stack([outputs, frames]))
         return surrogate.fit_single(
             x,
@@ -93,7 +93,7 @@ class PaperProcedure:
 
     def _fitness(self, expected: FloatArray) -> FloatArray:
         column = self._names.index
-        violation = np.maximum((FRAMES - expected[:, column("steps")]) / FRAMES, 0.0)
+        violation = np.maximum((FRAMES - expected[:, column("frames")]) / FRAMES, 0.0)
         for limit in self._settings.constraints.limits:
             violation += np.maximum(limit.excess(expected[:, column(limit.quantity)]), 0.0)
         gain = expected[:, column(self._settings.search.objective.quantity)]

@@ -9,7 +9,7 @@ import numpy as np
 
 from drake_gait.errors import WorkerError
 from drake_gait.execution.base import Finished
-from drake_gait.problem import Trial
+from drake_gait.problem import Trial, evaluated
 from drake_gait.search.grounds import end_of_variation, on_ground
 from drake_gait.search.seeding import Purpose, generator
 from drake_gait.study.records import StudyWalk
@@ -112,7 +112,7 @@ class Runner:
             self.finish()
         missing = [one for one in planned if one.id not in self.walks]
         if missing:
-            walking = iter(self.evaluate([one.trial for one in missing]))
+            walking = iter(self.evaluate([self._asked(one) for one in missing]))
             self._under_way.append(_Batch(planned=missing, walking=walking))
 
     def wait(self, ids: Collection[int]) -> None:
@@ -155,7 +155,7 @@ class Runner:
         """
         if plan.id in self.walks:
             return lambda: self.walks[plan.id]
-        walking = iter(self.evaluate([plan.trial]))
+        walking = iter(self.evaluate([self._asked(plan)]))
 
         def wait() -> StudyWalk:
             for finished in walking:
@@ -163,6 +163,10 @@ class Runner:
             return self.walks[plan.id]
 
         return wait
+
+    def _asked(self, plan: Planned) -> Trial:
+        """Return the trial of a walk, with the quantities of the study's own."""
+        return replace(plan.trial, quantities=self.settings.quantities)
 
     def _keep(self, plan: Planned, finished: Finished) -> None:
         walk = StudyWalk(
@@ -172,7 +176,7 @@ class Runner:
             nominal=plan.nominal,
             variation=plan.variation,
             candidate=plan.trial.candidate,
-            walk=finished.walk,
+            walk=evaluated(finished.walk, self._asked(plan)),
             predicted=plan.predicted,
             seconds=finished.seconds,
         )

@@ -17,7 +17,7 @@ from pydrake.systems.primitives import VectorLogSink
 from drake_gait.errors import ModelError
 from drake_gait.foot import FootDesign
 from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray, joint_commands
-from drake_gait.problem import Candidate, Trial
+from drake_gait.problem import Candidate, Needs, Trial, evaluated
 from drake_gait.robot.description import RobotModel, read_model
 from drake_gait.robot.sdf import BASE
 from drake_gait.simulation.measures import measures_of
@@ -113,7 +113,8 @@ def walk_trial(trial: Trial, model: RobotModel | None = None) -> Walk:
         model: The robot as it was read, whatever the trial names.
     """
     settings = trial.settings if model is None else replace(trial.settings, model=model)
-    return simulate(trial.candidate, settings)
+    history = any(one.needs is Needs.HISTORY for one in trial.quantities)
+    return evaluated(simulate(trial.candidate, settings, history=history), trial)
 
 
 def follow(
@@ -354,20 +355,20 @@ def _advance(
         if fall is not None:
             break
         if failure:
-            return Walk.diverged(failure, steps=len(postures) - 1)
+            return Walk.diverged(failure, frames=len(postures) - 1)
         if time.thread_time() > deadline:
-            return Walk.diverged(f"took longer than {settings.time_limit:g} s", steps=frame)
-    end, steps = (frames, frames) if fall is None else (fall, fall - 1)
+            return Walk.diverged(f"took longer than {settings.time_limit:g} s", frames=frame)
+    end, completed = (frames, frames) if fall is None else (fall, fall - 1)
     com_start, com_end = _centres_of_mass(robot, positions[[0, end]])
     if not np.isfinite(com_end).all():
-        return Walk.diverged("the state is not finite", steps=steps)
+        return Walk.diverged("the state is not finite", frames=completed)
     forward, lateral, _ = (com_end - com_start).tolist()
     headings = np.unwrap([heading for heading, _, _ in postures[: end + 1]])
     yaw_swing = float(np.ptp(headings))
     measured = _measures(robot, context, settings, sent, end=end, walk=(forward, yaw_swing))
     return Walk(
         outcome=Outcome.WALKED if fall is None else Outcome.FELL,
-        steps=steps,
+        frames=completed,
         forward=forward,
         lateral=lateral,
         yaw=float(headings[-1] - headings[0]),

@@ -15,9 +15,10 @@ import numpy as np
 from drake_gait.errors import SettingsError, StudyError
 from drake_gait.foot import FootDesign
 from drake_gait.problem import ROUNDING
+from drake_gait.ranges import DEGREES
 from drake_gait.study._toml import as_toml, texts
 from drake_gait.study.earlier_study import earlier_winner, foot_in_file
-from drake_gait.study.keys import DEGREES, FOOT
+from drake_gait.study.keys import FOOT
 from drake_gait.study.store import Study
 
 if TYPE_CHECKING:

@@ -73,9 +73,7 @@ class SearchSettings:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "mode", _one_of("search.mode", Mode, self.mode))
-        object.__setattr__(
-            self, "objective", _one_of("search.objective", Objective, self.objective)
-        )
+        object.__setattr__(self, "objective", Objective.read(self.objective))
         object.__setattr__(self, "risk", _one_of("search.risk", Risk, self.risk))
         if not isinstance(self.grounds, bool):
             raise SettingsError(f"search.grounds must be true or false, got {self.grounds!r}")

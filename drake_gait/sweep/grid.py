@@ -33,7 +33,7 @@ Place = tuple[int, int, int, int]
 """Level of the first and of the second axis, gait, replica; each from 0."""
 
 _PLACE = ("first", "second", "gait", "replica")
-_COLUMNS = (*_PLACE, "outcome", "steps", "forward_mm", "lateral_mm", "yaw_deg")
+_COLUMNS = (*_PLACE, "outcome", "frames", "forward_mm", "lateral_mm", "yaw_deg")
 
 
 def places(grid: Grid) -> list[Place]:
@@ -161,7 +161,7 @@ def _from_line(line: str) -> tuple[Place, Mapping[str, Any]] | None:
 def _row(walk: Walk) -> Mapping[str, Any]:
     return {
         "outcome": str(walk.outcome),
-        "steps": walk.steps,
+        "frames": walk.frames,
         "forward_mm": 1e3 * walk.forward,
         "lateral_mm": 1e3 * walk.lateral,
         "yaw_deg": float(np.degrees(walk.yaw)),

@@ -14,6 +14,7 @@ from scipy import stats
 from drake_gait.errors import StudyError
 from drake_gait.files.destination import write
 from drake_gait.files.strict_json import from_json, to_json
+from drake_gait.report.study_result import with_frames
 from drake_gait.sweep.settings import PlannedStudy, Sweep
 
 Row = Mapping[str, Any]
@@ -82,7 +83,7 @@ def read_row(study: PlannedStudy, out: Path) -> Row:
     """
     path = study.folder(out) / "result.json"
     try:
-        result = from_json(path.read_bytes())
+        result = with_frames(from_json(path.read_bytes()))
     except (OSError, ValueError) as error:
         raise StudyError(f"cannot read {path}: {error}; run the sweep again") from None
     try:

@@ -27,7 +27,7 @@ def walks(entry, space):
         dataclasses.replace(entry.walk, forward=0.5, lateral=0.3),
         entry.walk,
         dataclasses.replace(
-            entry.walk, outcome=Outcome.FELL, steps=97, reason='fell, "at" 1.94 s\nü'
+            entry.walk, outcome=Outcome.FELL, frames=97, reason='fell, "at" 1.94 s\nü'
         ),
         Walk.diverged("its process died with exit code -6"),
     ]
@@ -105,7 +105,7 @@ def test_a_csv_is_read_by_pandas_to_the_table_of_the_study(run, capsys):
     frame = pandas.read_csv(io.StringIO(told(capsys, run, "--csv", "-")))
     with Study.open(run) as study:
         table = study.table()
-    for name in ("id", "roll_a", "forward", "predicted_yaw", "steps"):
+    for name in ("id", "roll_a", "forward", "predicted_yaw", "frames"):
         np.testing.assert_allclose(frame[name].to_numpy(), table[name], rtol=1e-15)
 
 

@@ -210,7 +210,7 @@ def test_failures_are_counted_by_cause_over_interruptions_too(study, tmp_path):
         Walk.diverged("solver: it gave up"),
         Walk.diverged("its process died with exit code -6"),
         *[
-            Walk(outcome=outcome, steps=240, forward=0.1, lateral=0.0, yaw=0.0, com_height=0.245)
+            Walk(outcome=outcome, frames=240, forward=0.1, lateral=0.0, yaw=0.0, com_height=0.245)
             for outcome in [Outcome.FELL, Outcome.WALKED] * 5
         ],
     ]

@@ -45,7 +45,7 @@ def test_a_walk_simulated_again_has_exactly_the_numbers_of_the_study(run):
     fallen = [walk for walk in walks if walk.walk.outcome is Outcome.FELL][:1]
     for entry in ends + fallen:
         again = simulate(entry.candidate, walked_as(settings, entry), history=True)
-        for name in ("outcome", "steps", "forward", "lateral", "yaw", "com_height", "reason"):
+        for name in ("outcome", "frames", "forward", "lateral", "yaw", "com_height", "reason"):
             assert getattr(again, name) == getattr(entry.walk, name)
 
 

@@ -38,7 +38,7 @@ def make(study, entry, tmp_path):
         )
         walks = [dataclasses.replace(entry.walk, forward=0.1 * (n + 1)) for n in range(walked)]
         walks += [Walk.diverged("its process died with exit code -6")] * lost
-        walks += [dataclasses.replace(entry.walk, outcome=Outcome.FELL, steps=9)] * fell
+        walks += [dataclasses.replace(entry.walk, outcome=Outcome.FELL, frames=9)] * fell
         for number, walk in enumerate(walks):
             opened.add(dataclasses.replace(entry, id=number, walk=walk))
         if finished:

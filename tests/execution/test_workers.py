@@ -104,7 +104,7 @@ def test_a_candidate_that_kills_its_process_has_diverged_and_all_others_finish(
     walks = run(functools.partial(stride_or, failure, (2, 5)), 8)
     for number in (2, 5):
         assert walks[number].outcome is Outcome.DIVERGED
-        assert walks[number].steps == 0
+        assert walks[number].frames == 0
         assert reason in walks[number].reason
         assert "twice" in walks[number].reason
     others = [number for number in range(8) if number not in (2, 5)]

@@ -38,7 +38,7 @@ def foot_space(space):
 
 
 def a_walk(outcome=Outcome.WALKED, **changes):
-    numbers = {"steps": 240, "forward": 0.1, "lateral": 0.0, "yaw": 0.0, "com_height": 0.245}
+    numbers = {"frames": 240, "forward": 0.1, "lateral": 0.0, "yaw": 0.0, "com_height": 0.245}
     return Walk(outcome=outcome, **{**numbers, **changes})
 
 
@@ -55,8 +55,8 @@ def test_the_constraints_are_the_paper_s():
 
 @pytest.mark.parametrize("row", range(8))
 def test_each_walk_of_the_paper_s_table_ii_is_feasible(row):
-    lateral, forward, yaw, steps = PAPER_TABLE[row]
-    walk = a_walk(forward=forward / 1e3, lateral=lateral / 1e3, yaw=np.radians(yaw), steps=steps)
+    lateral, forward, yaw, frames = PAPER_TABLE[row]
+    walk = a_walk(forward=forward / 1e3, lateral=lateral / 1e3, yaw=np.radians(yaw), frames=frames)
     assessment = assess(walk, Constraints())
     assert assessment.feasible
     assert assessment.fitness == pytest.approx(-forward)
@@ -83,8 +83,8 @@ def test_walking_further_is_a_smaller_objective():
         ("yaw", {"yaw": np.radians(-15.0)}, 2.0),
         ("com_height", {"com_height": 0.24353 / 2}, 0.5),
         ("com_height", {"com_height": 0.0}, 1.0),
-        ("steps", {"steps": 180, "outcome": Outcome.FELL}, 0.25),
-        ("steps", {"steps": 0, "outcome": Outcome.FELL}, 1.0),
+        ("frames", {"frames": 180, "outcome": Outcome.FELL}, 0.25),
+        ("frames", {"frames": 0, "outcome": Outcome.FELL}, 1.0),
     ],
 )
 def test_a_violation_has_its_hand_computed_size_and_leaves_the_others_zero(
@@ -112,9 +112,9 @@ def test_the_fitness_adds_a_thousand_millimetres_for_each_unit_of_violation():
     st.integers(0, 240),
     st.sampled_from([Outcome.FELL, Outcome.DIVERGED]),
 )
-def test_a_fall_is_never_feasible(forward, lateral, yaw, com_height, steps, outcome):
+def test_a_fall_is_never_feasible(forward, lateral, yaw, com_height, frames, outcome):
     walk = a_walk(
-        outcome, forward=forward, lateral=lateral, yaw=yaw, com_height=com_height, steps=steps
+        outcome, forward=forward, lateral=lateral, yaw=yaw, com_height=com_height, frames=frames
     )
     assessment = assess(walk, Constraints())
     assert not assessment.feasible
@@ -122,7 +122,7 @@ def test_a_fall_is_never_feasible(forward, lateral, yaw, com_height, steps, outc
 
 
 def test_a_fall_in_the_last_frame_is_not_feasible():
-    assert violations(outcome=Outcome.FELL, steps=240)["steps"] == pytest.approx(1 / 240)
+    assert violations(outcome=Outcome.FELL, frames=240)["frames"] == pytest.approx(1 / 240)
 
 
 @pytest.mark.parametrize("name", ["lateral", "yaw", "com_height"])

@@ -23,10 +23,10 @@ from drake_gait.study.store import Study
 from drake_gait.sweep.settings import PlannedStudy, Sweep
 from drake_gait.walk import Measures, Outcome, Walk
 
-LOST = Walk.diverged("took longer than 1 s", steps=3)
-FELL = Walk(outcome=Outcome.FELL, steps=45, forward=0.14, lateral=0.01, yaw=0.1, com_height=0.1,
+LOST = Walk.diverged("took longer than 1 s", frames=3)
+FELL = Walk(outcome=Outcome.FELL, frames=45, forward=0.14, lateral=0.01, yaw=0.1, com_height=0.1,
             reason="fell")  # fmt: skip
-FAR = Walk(outcome=Outcome.WALKED, steps=240, forward=0.5, lateral=0.4, yaw=0.0, com_height=0.245)
+FAR = Walk(outcome=Outcome.WALKED, frames=240, forward=0.5, lateral=0.4, yaw=0.0, com_height=0.245)
 WALKED = dataclasses.replace(FAR, lateral=0.0)
 
 OUTCOMES = {

@@ -138,8 +138,8 @@ def test_a_shuffle_is_called_one_beside_the_best_walk_that_does_not_slide(run, m
         written(dataclasses.replace(run, result={**of_it, "best_unslipping": 0})).split()
     )
     assert "walk 0 with <strong>133.3 mm</strong>" in page
-    steps = {**of_it, "measures": dataclasses.asdict(measures)}
-    assert "It slides" not in written(dataclasses.replace(run, result=steps))
+    kept = {**of_it, "measures": dataclasses.asdict(measures)}
+    assert "It slides" not in written(dataclasses.replace(run, result=kept))
 
 
 def test_a_study_s_own_limits_stand_beside_the_paper_s(run, measures):
@@ -147,7 +147,7 @@ def test_a_study_s_own_limits_stand_beside_the_paper_s(run, measures):
     page = written(dataclasses.replace(run, result=measured))
     assert "Eqs. 11–14 of the paper</dd>" in page
     assert "range of the torso's heading</dd>" in page
-    limits = dataclasses.replace(run.settings.constraints, yaw_swing=np.radians(20.0))
+    limits = run.settings.constraints.but(yaw_swing=np.radians(20.0))
     settings = dataclasses.replace(run.settings, constraints=limits)
     page = written(dataclasses.replace(run, result=measured, settings=settings))
     assert "Eqs. 11–14 of the paper; yaw swing</dd>" in page
@@ -249,7 +249,7 @@ def test_a_report_in_a_browser_shows_the_numbers_of_result_json(finished_run):
         values = seen.page.eval_on_selector_all(
             "data", "nodes => nodes.map(node => [Number(node.value), node.textContent])"
         )
-        keys = ("forward_mm", "lateral_mm", "yaw_deg", "com_height_mm", "steps")
+        keys = ("forward_mm", "lateral_mm", "yaw_deg", "com_height_mm", "frames")
         for key, (value, text) in zip(keys, values, strict=True):
             assert value == result[key]
             shown = float(text.replace("\N{MINUS SIGN}", "-"))

@@ -18,7 +18,7 @@ FINALIST = {
 
 
 def fell(entry, walk_id, frame):
-    walk = Walk(outcome=Outcome.FELL, steps=frame, forward=0.0, lateral=0.0, yaw=0.0,
+    walk = Walk(outcome=Outcome.FELL, frames=frame, forward=0.0, lateral=0.0, yaw=0.0,
                 com_height=0.1, reason="fell")  # fmt: skip
     return dataclasses.replace(entry, id=walk_id, walk=walk)
 

@@ -21,7 +21,7 @@ from drake_gait.walk import Outcome, Walk
 
 KEYS = {
     *("study", "seed", "feasible", "forward_mm", "lateral_mm", "yaw_deg", "com_height_mm"),
-    *("steps", "coefficients_deg", "foot", "simulations", "survivors", "feasible_count"),
+    *("frames", "coefficients_deg", "foot", "simulations", "survivors", "feasible_count"),
     *("r2_train", "r2_heldout", "r2_heldout_ridge", "r2_heldout_kriging"),
     *("survival_auc", "survival_auc_logistic", "wall_s", "versions"),
 }
@@ -37,7 +37,7 @@ def walks(entry):
         of(entry, 0, forward=0.1, lateral=-0.002, yaw=np.radians(1.5), com_height=0.2441),
         of(entry, 1, forward=0.15456, lateral=0.000725, yaw=np.radians(3.837), com_height=0.245),
         of(entry, 2, forward=0.3, lateral=0.5),
-        of(entry, 3, outcome=Outcome.FELL, steps=100, com_height=0.05, forward=0.4),
+        of(entry, 3, outcome=Outcome.FELL, frames=100, com_height=0.05, forward=0.4),
     ]
 
 
@@ -70,7 +70,7 @@ def test_the_summary_has_every_key_that_is_promised(outcome):
 
 
 def test_the_summary_holds_the_best_walk_in_the_units_of_its_keys(outcome, entry):
-    assert (outcome["walk"], outcome["feasible"], outcome["steps"]) == (1, True, 240)
+    assert (outcome["walk"], outcome["feasible"], outcome["frames"]) == (1, True, 240)
     assert outcome["forward_mm"] == pytest.approx(154.56)
     assert outcome["lateral_mm"] == pytest.approx(0.725)
     assert outcome["yaw_deg"] == pytest.approx(3.837)

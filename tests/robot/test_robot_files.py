@@ -328,7 +328,7 @@ SAME = {
 def test_other_ways_to_write_a_robot_walk_the_same(robot, content):
     walk = simulate(WALKING, WalkSettings(model=robot(content)))
     usual = simulate(WALKING)
-    assert (walk.steps, walk.forward, walk.yaw) == (usual.steps, usual.forward, usual.yaw)
+    assert (walk.frames, walk.forward, walk.yaw) == (usual.frames, usual.forward, usual.yaw)
 
 
 FRICTIONS = {

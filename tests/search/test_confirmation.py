@@ -90,7 +90,7 @@ class Track:
         if variation == 0:
             return dataclasses.replace(alone, measures=self.slip[number] if self.slip else None)
         if variation in self.fragile.get(number, ()):
-            return dataclasses.replace(STEADY, outcome=Outcome.FELL, steps=100, forward=0.01)
+            return dataclasses.replace(STEADY, outcome=Outcome.FELL, frames=100, forward=0.01)
         return dataclasses.replace(STEADY, forward=MEDIANS.get(number, FORWARD[number]))
 
     def tried(self, number, tier=Tier.REPEATS):

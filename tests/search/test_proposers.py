@@ -208,13 +208,13 @@ def test_a_region_without_feasible_candidates_returns_to_the_best(study):
 
 
 def penalised(expected, limits):
-    """The paper's F(x) of forward, lateral, yaw, height and steps, shape (n, 5) [mm]."""
-    forward, lateral, yaw, height, steps = expected.T
+    """The paper's F(x) of forward, lateral, yaw, height and frames, shape (n, 5) [mm]."""
+    forward, lateral, yaw, height, frames = expected.T
     violation = (
         np.maximum(np.abs(lateral) / limits.lateral - 1.0, 0.0)
         + np.maximum(np.abs(yaw) / limits.yaw - 1.0, 0.0)
         + np.maximum(1.0 - height / limits.com_height, 0.0)
-        + np.maximum(1.0 - steps / FRAMES, 0.0)
+        + np.maximum(1.0 - frames / FRAMES, 0.0)
     )
     return -1000.0 * forward + 1000.0 * violation
 
@@ -245,7 +245,7 @@ def test_the_paper_s_network_learns_from_falls_and_all(study):
 
     def other_fall(point):
         walk = walk_at(point)
-        return walk if walk.survived else dataclasses.replace(walk, steps=20, forward=-0.2)
+        return walk if walk.survived else dataclasses.replace(walk, frames=20, forward=-0.2)
 
     changed = samples_at(x, settings, other_fall)
     one, other = (

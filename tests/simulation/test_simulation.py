@@ -26,7 +26,7 @@ WALKING = Candidate(gait=read_study(default_study()).space.decode(np.zeros(16)).
 # Bends the standing leg under the body.
 FALLING = Candidate(gait=Gait.from_degrees([[15, 0, 0, 0], [40, 0, 0, 0], [0] * 4, [0] * 4]))
 
-NUMBERS = ("forward", "lateral", "yaw", "com_height", "steps")
+NUMBERS = ("forward", "lateral", "yaw", "com_height", "frames")
 
 IN_A_FRESH_PROCESS = """
 import json, sys
@@ -97,7 +97,7 @@ def test_watching_a_walk_does_not_change_it(candidate: Candidate) -> None:
 def test_the_middle_of_the_default_box_walks_to_the_end() -> None:
     walk = simulate(WALKING)
     assert walk.outcome is Outcome.WALKED
-    assert walk.steps == FRAMES
+    assert walk.frames == FRAMES
     assert walk.forward > 0.1
     assert walk.reason == ""
 
@@ -105,10 +105,10 @@ def test_the_middle_of_the_default_box_walks_to_the_end() -> None:
 def test_a_fall_ends_the_walk_early_and_says_when() -> None:
     walk = simulate(FALLING, history=True)
     assert walk.outcome is Outcome.FELL
-    assert walk.steps < FRAMES
+    assert walk.frames < FRAMES
     assert "fell at" in walk.reason
     assert walk.history is not None
-    assert len(walk.history.time) == walk.steps + 2  # the first frame, and the one of the fall
+    assert len(walk.history.time) == walk.frames + 2  # the first frame, and the one of the fall
 
 
 def test_a_history_has_one_row_a_frame_in_the_shapes_of_its_documentation() -> None:
@@ -176,7 +176,7 @@ def test_a_solver_that_fails_is_an_outcome_with_its_reason(
     walk = simulate(WALKING)
     assert walk.outcome is Outcome.DIVERGED
     assert str(failure) in walk.reason
-    assert walk.steps == 50
+    assert walk.frames == 50
 
 
 def test_a_solver_that_fails_after_a_fall_makes_no_difference(
@@ -187,7 +187,7 @@ def test_a_solver_that_fails_after_a_fall_makes_no_difference(
 
     def fail_after_the_fall(simulator: Simulator, boundary_time: float, **options: bool) -> object:
         advance(simulator, boundary_time, **options)
-        if boundary_time > (fell.steps + 1) * FRAME_TIME:
+        if boundary_time > (fell.frames + 1) * FRAME_TIME:
             raise RuntimeError("no convergence")
         return None
 

@@ -23,7 +23,7 @@ from drake_gait.study.reading import default_study, read_study
 
 MODELS = ("khr3hv.sdf", "khr3hv_cad.sdf")
 WALKING = Candidate(gait=read_study(default_study()).space.decode(np.zeros(16)).gait)
-NUMBERS = ("outcome", "steps", "forward", "lateral", "yaw", "com_height")
+NUMBERS = ("outcome", "frames", "forward", "lateral", "yaw", "com_height")
 
 THICKNESS = 0.005
 

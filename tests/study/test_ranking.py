@@ -38,7 +38,7 @@ def test_without_a_feasible_walk_the_best_is_the_one_that_violates_least(entry):
 
 def test_a_robot_on_its_feet_is_nearer_to_a_feasible_walk_than_one_that_fell_or_was_lost(entry):
     crooked = kept(entry, 0, yaw=np.radians(40.0), lateral=0.1)
-    fallen = kept(entry, 1, outcome=Outcome.FELL, steps=230, lateral=0.1, com_height=0.05)
+    fallen = kept(entry, 1, outcome=Outcome.FELL, frames=230, lateral=0.1, com_height=0.05)
     lost = dataclasses.replace(entry, id=2, walk=Walk.diverged("its process died"))
     assert best_walk([lost, fallen, crooked], Constraints()).id == 0
     assert best_walk([lost, fallen], Constraints()).id == 1
@@ -113,7 +113,7 @@ def test_an_infeasible_sample_is_as_far_off_as_the_walk_that_seven_of_eight_keep
 def test_samples_rank_feasible_ones_by_their_median_then_upright_then_fallen_then_lost_ones(
     study, entry
 ):
-    fall = {"outcome": Outcome.FELL, "steps": 230}
+    fall = {"outcome": Outcome.FELL, "frames": 230}
     worth = [
         [kept(entry, 0, forward=0.2)],
         [kept(entry, 1, forward=0.1)],

@@ -83,7 +83,7 @@ def test_each_side_and_each_toe_has_its_own_column(entry, measures):
         {"nominal": 12, "variation": 3, "stage": "confirmation", "id": 1_000_007},
         {"nominal": 12, "variation": -1},
         {"predicted": None},
-        {"walk": Walk.diverged("its process died", steps=17)},
+        {"walk": Walk.diverged("its process died", frames=17)},
     ],
 )
 def test_a_walk_of_any_kind_returns_from_its_row(entry, tmp_path, changes):

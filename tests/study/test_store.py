@@ -61,13 +61,13 @@ def test_the_smallest_difference_of_a_double_is_kept(study, entry, value):
 
 
 def test_numbers_of_numpy_are_kept_as_numbers(study, path, entry):
-    numbers = {"steps": np.int64(240), "forward": np.float64(1 / 3), "yaw": np.float32(0.5)}
+    numbers = {"frames": np.int64(240), "forward": np.float64(1 / 3), "yaw": np.float32(0.5)}
     study.add(
         dataclasses.replace(entry, id=np.int64(0), walk=dataclasses.replace(entry.walk, **numbers))
     )
     with sqlite3.connect(path) as connection:
         row = connection.execute(
-            "select typeof(id), typeof(steps), typeof(forward), typeof(yaw), yaw from walks"
+            "select typeof(id), typeof(frames), typeof(forward), typeof(yaw), yaw from walks"
         ).fetchone()
     connection.close()
     assert row == ("integer", "integer", "real", "real", 0.5)
@@ -84,7 +84,7 @@ def test_a_walk_without_a_prediction_has_none(study, entry):
         Walk.diverged("its process died with exit code -6"),
         Walk(
             outcome=Outcome.FELL,
-            steps=117,
+            frames=117,
             forward=0.05,
             lateral=0.1,
             yaw=-2.0,

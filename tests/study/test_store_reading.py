@@ -49,9 +49,9 @@ def test_a_table_has_every_column_and_every_digit(study, path, entry):
         rows = connection.execute("select * from walks order by id").fetchall()
     connection.close()
     assert list(table) == rows[0].keys()
-    for name in ("id", "stage", "iteration", "roll_a", "outcome", "steps", "yaw", "seconds"):
+    for name in ("id", "stage", "iteration", "roll_a", "outcome", "frames", "yaw", "seconds"):
         assert table[name].tolist() == [row[name] for row in rows]
-    assert {table[name].dtype.kind for name in ("id", "iteration", "steps")} == {"i"}
+    assert {table[name].dtype.kind for name in ("id", "iteration", "frames")} == {"i"}
     assert {table[name].dtype for name in ("roll_a", "forward", "seconds")} == {np.dtype("f8")}
     assert {table[name].dtype.kind for name in ("stage", "outcome", "reason")} == {"U"}
 

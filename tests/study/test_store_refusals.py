@@ -111,7 +111,7 @@ def damage(path, statement):
         ("update walks set lateral = 'left' where id = 6", "walk 6 has lateral = 'left'"),
         ("update walks set ankle_d = x'00' where id = 7", "walk 7 has ankle_d"),
         ("update walks set stage = x'ff' where id = 8", "walk 8 has stage"),
-        ("update walks set steps = 'all' where id = 9", "walk 9 has steps = 'all'"),
+        ("update walks set frames = 'all' where id = 9", "walk 9 has frames = 'all'"),
         ("update walks set predicted_yaw = 'none' where id = 10", "walk 10 has predicted_yaw"),
         ("update walks set nominal = 1.5 where id = 11", "walk 11 has nominal"),
         ("update walks set toe_length = 900.0 where id = 12", "walk 12: toe_length"),

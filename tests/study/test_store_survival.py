@@ -134,31 +134,38 @@ def test_a_study_goes_on_after_a_full_disk_whenever_it_was_full(tmp_path):
     assert max(numbers) > 20
 
 
-@pytest.fixture
-def old(path, entry, measures):
-    """Path of a study of schema 2, with one walk and its measures."""
+@pytest.fixture(params=[2, 3])
+def old(request, path, entry, measures):
+    """Path of a study of an older schema, with one walk and its measures."""
     walk = dataclasses.replace(entry.walk, measures=measures)
     with Study.create(path, DESCRIPTION) as study:
         study.add(dataclasses.replace(entry, walk=walk))
-        study.set("schema", 2)
+        study.set("schema", request.param)
     connection = sqlite3.connect(path)
-    connection.execute("alter table walks drop column peak_ground_reaction")
+    connection.execute("alter table walks rename column frames to steps")
+    if request.param == 2:
+        connection.execute("alter table walks drop column peak_ground_reaction")
     connection.close()
     return path
 
 
-def test_a_study_of_an_older_schema_is_read_and_left_as_it_is(old, measures):
+def test_a_study_of_an_older_schema_is_read_and_left_as_it_is(old, entry, measures):
     content = old.read_bytes()
     with Study.open(old) as study:
         (walk,) = study.walks()
         table = study.table()
-    assert np.isnan(walk.walk.measures.peak_ground_reaction)
-    assert np.isnan(table["peak_ground_reaction"]).all()
+        without = study.description()["schema"] == 2
+    assert np.isnan(walk.walk.measures.peak_ground_reaction) == without
+    assert np.isnan(table["peak_ground_reaction"]).all() == without
+    assert table["frames"].tolist() == [entry.walk.frames] == [walk.walk.frames]
+    assert "steps" not in table
     assert table["slip_left"].tolist() == [measures.slip[1]]
     assert old.read_bytes() == content
 
 
 def test_a_study_of_an_older_schema_goes_on_with_the_columns_of_this_one(old, entry, measures):
+    with Study.open(old) as study:
+        without = study.description()["schema"] == 2
     walk = dataclasses.replace(entry.walk, measures=measures)
     for number in (1, 2):
         with Study.open(old, driver=True) as study:
@@ -167,11 +174,12 @@ def test_a_study_of_an_older_schema_goes_on_with_the_columns_of_this_one(old, en
     with Study.open(old) as study:
         table = study.table()
         assert [walk.id for walk in study.walks()] == [0, 1, 2]
-    assert np.isnan(table["peak_ground_reaction"]).tolist() == [True, False, False]
+    assert np.isnan(table["peak_ground_reaction"]).tolist() == [without, False, False]
+    assert table["frames"].tolist() == [entry.walk.frames] * 3
     assert table["seconds"].tolist() == [entry.seconds] * 3
     assert table["toe_range_left_lesser"].tolist() == [measures.toe_range[3]] * 3
 
 
 def test_a_change_of_the_columns_is_a_new_schema():
     digest = hashlib.sha256("\n".join(COLUMNS).encode()).hexdigest()[:12]
-    assert (SCHEMA, digest) == (3, "1e09cb10a716")
+    assert (SCHEMA, digest) == (4, "84eb0ef39d8a")

@@ -50,7 +50,7 @@ def walked(monkeypatch):
         fell = len(seen) == 5
         return Walk(
             outcome=Outcome.FELL if fell else Outcome.WALKED,
-            steps=100 if fell else 240,
+            frames=100 if fell else 240,
             forward=0.2 + 5.0 * asked.foot.big_toe_stiffness + 0.01 * noise,
             lateral=0.0,
             yaw=0.0,
