@@ -5,7 +5,16 @@ import threading
 
 import numpy as np
 import pytest
-from conftest import Ground, Interruption, fall_at, numbers, planned, run, walk_at
+from conftest import (
+    Ground,
+    Interruption,
+    fall_at,
+    numbers,
+    planned,
+    quick_proposer,
+    run,
+    walk_at,
+)
 
 from drake_gait.problem import assess
 from drake_gait.search import loop as search
@@ -61,6 +70,34 @@ def test_an_interrupted_study_that_goes_on_is_the_same_walk_for_walk(study, tmp_
     second = Ground(study.space)
     assert numbers(run(study, path, second)) == expected
     assert len(second.asked) == 55 - walks
+
+
+def test_a_batch_begins_before_the_one_before_has_ended(study, path):
+    ground, begun = Ground(study.space), []
+
+    def evaluate(trials):
+        begun.append(len(ground.asked))
+        return ground(trials)
+
+    with Study.create(path, {}) as opened:
+        search.search(study, opened, evaluate, proposer=quick_proposer(study))
+    # Batches of five; two walks of each are still missing. The first batch needs the whole design.
+    assert begun[:4] == [0, 40, 43, 48]
+
+
+def test_a_proposal_does_not_depend_on_walks_that_are_under_way(study, tmp_path):
+    def but_for(changed):
+        asked = iter(range(55))
+
+        def walk(x):
+            return fall_at(x) if next(asked) in changed else walk_at(x)
+
+        return walk
+
+    one = run(study, tmp_path / "one.db")
+    other = run(study, tmp_path / "other.db", Ground(study.space, but_for({43, 44})))
+    assert [walk.candidate for walk in one[:50]] == [walk.candidate for walk in other[:50]]
+    assert one[50].candidate != other[50].candidate
 
 
 def test_an_interrupted_study_does_not_wait_for_a_network(study, path, monkeypatch):
