@@ -620,8 +620,9 @@ class Virtual:
         return self.work / (len(self.free) * max(self.free))
 
 
-@pytest.mark.parametrize(("workers", "share"), [(1, 0.999), (2, 0.97), (8, 0.7)])
+@pytest.mark.parametrize(("workers", "share"), [(1, 0.999), (2, 0.97), (8, 0.55)])
 def test_workers_are_kept_busy_to_the_end(raced, path, workers, share):
+    # Eight wait at times: the race has no more under way, and hears of them in order.
     clock = Virtual(Track(raced), workers)
     confirmed(raced, path, clock)
     assert clock.busy > share
