@@ -158,8 +158,8 @@ def confirmed_alone(settings, entry):
 
 @pytest.fixture
 def raced(study):
-    """A study whose race has room."""
-    return dataclasses.replace(study, confirmation=ConfirmationSettings(walks=120))
+    """A study whose race has room; its candidates are looked up, so that means are unknown."""
+    return dataclasses.replace(study, confirmation=ConfirmationSettings(walks=120, means=False))
 
 
 def confirmed(settings, path, track=None, *, lost=()):
