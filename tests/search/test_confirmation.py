@@ -159,8 +159,8 @@ def confirmed_alone(settings, entry):
 
 @pytest.fixture(scope="module")
 def raced(study):
-    """A study whose race has room."""
-    return dataclasses.replace(study, confirmation=ConfirmationSettings(walks=120))
+    """A study whose race has room; its candidates are looked up, so that means are unknown."""
+    return dataclasses.replace(study, confirmation=ConfirmationSettings(walks=120, means=False))
 
 
 @pytest.fixture(scope="module")
@@ -625,8 +625,9 @@ class Virtual:
         return self.work / (len(self.free) * max(self.free))
 
 
-@pytest.mark.parametrize(("workers", "share"), [(1, 0.999), (2, 0.97), (8, 0.7)])
+@pytest.mark.parametrize(("workers", "share"), [(1, 0.999), (2, 0.97), (8, 0.55)])
 def test_workers_are_kept_busy_to_the_end(raced, path, workers, share):
+    # Eight wait at times: the race has no more under way, and hears of them in order.
     clock = Virtual(Track(raced), workers)
     confirmed(raced, path, clock)
     assert clock.busy > share
