@@ -22,7 +22,7 @@ from drake_gait.study.settings import study_settings
 from drake_gait.study.toml import study_toml
 from drake_gait.walk import Outcome, Walk
 
-HELD = Walk(outcome=Outcome.WALKED, steps=240, forward=0.2, lateral=0.0, yaw=0.0, com_height=0.245)
+HELD = Walk(outcome=Outcome.WALKED, frames=240, forward=0.2, lateral=0.0, yaw=0.0, com_height=0.245)
 
 
 def confirmed(study, entry, **changes):

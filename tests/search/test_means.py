@@ -24,7 +24,7 @@ from drake_gait.walk import Outcome, Walk
 SEARCHED = 6
 GAINS = (0.3, 0.5, 0.4)
 """What the means walk, and what is expected of them."""
-GOOD = Walk(outcome=Outcome.WALKED, steps=240, forward=0.2, lateral=0.0, yaw=0.0, com_height=0.245)
+GOOD = Walk(outcome=Outcome.WALKED, frames=240, forward=0.2, lateral=0.0, yaw=0.0, com_height=0.245)
 
 
 @pytest.fixture
@@ -75,7 +75,7 @@ class Field:
         if min(near) > 0.05:
             return GOOD
         if mean in self.falling:
-            return dataclasses.replace(GOOD, outcome=Outcome.FELL, steps=99)
+            return dataclasses.replace(GOOD, outcome=Outcome.FELL, frames=99)
         return dataclasses.replace(GOOD, forward=GAINS[mean])
 
     def __call__(self, trials):
