@@ -10,10 +10,10 @@ from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 
 from drake_gait.gait import FRAME_TIME, JOINTS, FloatArray
-from drake_gait.robot.sdf import BASE, TOE_HINGES
+from drake_gait.robot.sdf import BASE, FEET, TOE_HINGES
 from drake_gait.simulation.collision import box_corners
 from drake_gait.simulation.command_source import commands_at
-from drake_gait.simulation.kinematics import Kinematics
+from drake_gait.simulation.kinematics import Kinematics, Motion
 from drake_gait.simulation.measures import Record
 from drake_gait.simulation.plant_config import PlantConfig
 from drake_gait.simulation.tread import Tread, treads
@@ -97,6 +97,18 @@ class Meter:
             mass=mass * self._kinematics.mass,
             gravity=self._gravity,
         )
+
+    def motions(self, states: FloatArray) -> dict[str, tuple[Motion, Tread]]:
+        """Return the motion of each link of the feet, by its name, and what touches under it.
+
+        Args:
+            states: Positions, then velocities, of the plant, shape (n_q + n_v, n).
+        """
+        found = self._kinematics.motions(states.astype(_PRECISION))
+        return {
+            name: (found[link], tread)
+            for name, (link, tread, _) in zip(FEET, self._plates, strict=True)
+        }
 
 
 def _frames(time: FloatArray) -> np.ndarray:

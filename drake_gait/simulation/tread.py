@@ -118,27 +118,27 @@ def wet_part(depth: Sequence[Floats]) -> tuple[Floats, list[Floats]]:
     low = np.minimum(np.minimum(depth[0], depth[1]), depth[2])
     high = np.maximum(np.maximum(depth[0], depth[1]), depth[2])
     total = depth[0] + depth[1] + depth[2]
-    mixed = ((low < 0.0) & (high > 0.0)).astype(single)
     one_wet = (total < low + high).astype(single)
     two_wet = 1.0 - one_wet
     # The waterline cuts off the corner that is alone on its side: a smaller triangle, of whose
-    # sides `cut` is the part of the whole ones.
+    # sides `cut` is the part of the whole ones, and 1 at the corner itself.
     alone = one_wet * high + two_wet * low  # To the last digit.
     away = [alone - one for one in depth]
     here = [(one == 0.0).astype(single) for one in away]
-    cut = [(alone - at * (alone - 1.0)) / (one + at) for one, at in zip(away, here, strict=True)]
-    area = cut[0] * cut[1] * cut[2] * mixed
-    inside = area * alone * _THIRD
-    mean = one_wet * inside + two_wet * np.maximum(total * _THIRD - inside, 0.0)
+    less = alone - 1.0
+    cut = [(alone - at * less) / (one + at) for one, at in zip(away, here, strict=True)]
+    area = cut[0] * cut[1] * cut[2]
+    area *= (low < 0.0).astype(single)  # Of the small triangle; there is none where all is wet.
+    dry = two_wet * area
+    mean = (two_wet * total + (one_wet - two_wet) * area * alone) * _THIRD
     # The centroid is that of the small triangle, or that of the whole one without it.
-    scale = 1.0 / np.maximum(1.0 - two_wet * area, _TINY)
-    whole, small = two_wet * scale * _THIRD, (one_wet - two_wet * area) * scale
-    beside = 1.0 - (cut[0] + cut[1] + cut[2] - 1.0) * _THIRD
-    weights = []
-    for part, at in zip(cut, here, strict=True):
-        corner = part * _THIRD
-        weights.append(whole + small * (corner + at * (beside - corner)))
-    return mean, weights
+    scale = _THIRD / np.maximum(1.0 - dry, _TINY)
+    whole, small = two_wet * scale, (one_wet - dry) * scale
+    weights = [whole + small * part for part in cut]
+    rest = 1.0 - (weights[0] + weights[1] + weights[2])
+    for weight, at in zip(weights, here, strict=True):
+        weight += at * rest
+    return np.maximum(mean, 0.0), weights
 
 
 def treads(plant: MultibodyPlant, scene_graph: SceneGraph, sole: Sole) -> dict[str, Tread]:
