@@ -87,12 +87,12 @@ class OutOfRangeError(SettingsError):
         place: tuple[int, int] | None = None,
     ) -> None:
         self.field, self.place = field, place
-        self._allowed, self._demand = allowed, demand
+        self.allowed, self._demand = allowed, demand
         super().__init__(self.told(name, value, unit))
 
     def told(self, name: str, value: Any, unit: Unit) -> str:
         """Return the message for a name and a value, with the range in a unit."""
-        return f"{name} {self._demand} {self._allowed.in_words(unit)}, got {value}"
+        return f"{name} {self._demand} {self.allowed.in_words(unit)}, got {value}"
 
 
 _Choice = TypeVar("_Choice", bound=StrEnum)

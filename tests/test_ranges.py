@@ -76,6 +76,13 @@ def test_what_is_no_number_is_told_with_its_key(read, section, key, field, unit,
     assert refusal(read, section, key, value).startswith(f"{section}.{key} must be a finite number")
 
 
+@pytest.mark.parametrize("value", ["[2.5, 1.25]", "[1.25, 1.25]", "[0.0, 0.0]"])
+@pytest.mark.parametrize("key", study_keys.CONSTRAINTS)
+def test_both_ends_of_a_limit_rise_or_are_told_as_they_were_written(read, key, value):
+    message = refusal(read, "constraints", key, value)
+    assert message == f"constraints.{key} must rise from smallest to largest, got {value}"
+
+
 @pytest.mark.parametrize("value", ["[-7.5, 1.25]", "[2.5, 1.25]", "[1.25, 1.25]", "[0.0, 1e9]"])
 @pytest.mark.parametrize("key", study_keys.FOOT)
 def test_an_open_range_that_cannot_be_used_is_told_as_it_was_written(read, key, value):

@@ -222,7 +222,8 @@ class Quantity(str):
             return self  # Eq. 10. The other ways of walking are no gain.
         if self.scale is not None and self.scale.falls and not maximise:
             return self.scaled()
-        gain = _Gain(size=self.unit.si, sign=1.0 if maximise else -1.0)
+        sign = 1.0 if maximise else -1.0
+        gain = _Gain(size=self.unit.si, sign=sign, of_size=self.side is Side.BOTH)
         return self._on(Scale(name=f"gain_of_{self.name}", function=gain, falls=not maximise))
 
     def _on(self, scale: Scale) -> "Quantity":
@@ -296,9 +297,11 @@ class _Gain:
 
     size: float
     sign: float
+    of_size: bool
+    """Whether the size of a value counts, and not the way that it goes."""
 
     def __call__(self, value: float) -> float:
-        v = self.sign * value / self.size
+        v = self.sign * (abs(value) if self.of_size else value) / self.size
         return 1.0 + v if v > 0.0 else 1.0 / (1.0 - v)
 
 

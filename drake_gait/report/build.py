@@ -19,7 +19,7 @@ from drake_gait.search.proposer import training_data
 from drake_gait.simulation.plant import stall_torques
 from drake_gait.simulation.simulate import simulate
 from drake_gait.study.finalists import measured, winner
-from drake_gait.study.ranking import best_walk
+from drake_gait.study.ranking import best_walk, search_walks
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.robot import settings_with_robot
 from drake_gait.study.settings import StudySettings
@@ -103,7 +103,7 @@ def write_outputs(
     Raises:
         GaitError: a file cannot be written.
     """
-    searched = [walk for walk in walks if walk.is_search_walk]
+    searched = search_walks(walks)
     network, baselines = _learnt(settings, searched)
     robust = winner(settings, walks)
     objective = settings.search.objective

@@ -11,7 +11,7 @@ from drake_gait.problem import Constraints
 from drake_gait.provenance import versions
 from drake_gait.report.study_result import best_in_words, distances, plain_walk, quantities_of
 from drake_gait.study.finalists import Finalist, Tier, best_unslipping, finalists, winner
-from drake_gait.study.ranking import best_walk, feasible_walks
+from drake_gait.study.ranking import best_walk, feasible_walks, search_walks
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
 from drake_gait.walk import Measures, Outcome, Walk
@@ -48,7 +48,7 @@ def summary(
     no walk is feasible, the best is the one nearest to it. A number that is not known is None: all
     of a study without walks, and the distance of a walk that could not be simulated to its end.
     """
-    searched = [walk for walk in walks if walk.is_search_walk]
+    searched = search_walks(walks)
     nominal_best = (
         best_walk(searched, settings.constraints, settings.search.objective) if searched else None
     )
@@ -89,7 +89,7 @@ def summary(
 
 def verdict(settings: StudySettings, walks: Sequence[StudyWalk]) -> str:
     """Return the outcome of a study in one sentence, whatever became of its walks."""
-    searched = [walk for walk in walks if walk.is_search_walk]
+    searched = search_walks(walks)
     if not searched:
         return "No walk has been simulated yet."
     count = f"{len(searched)} walk{'s' if len(searched) > 1 else ''}"

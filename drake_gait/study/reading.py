@@ -196,9 +196,15 @@ def _constraints(written: Mapping[str, Any], own: Sequence[Quantity]) -> Constra
         if isinstance(value, list):
             if len(value) != 2:
                 raise SettingsError(
-                    f"constraints.{key} must be a number, or [smallest, largest], got {value!r}"
+                    f"constraints.{key} must be a finite number, or [smallest, largest], got "
+                    f"{value!r}"
                 )
-            values[name] = [number(f"constraints.{key}", end) * unit.si for end in value]
+            low, high = (number(f"constraints.{key}", end) for end in value)
+            if not low < high:
+                raise SettingsError(
+                    f"constraints.{key} must rise from smallest to largest, got {value!r}"
+                )
+            values[name] = [low * unit.si, high * unit.si]
         else:
             values[name] = number(f"constraints.{key}", value) * unit.si
     with told_as_written("constraints", written, table):

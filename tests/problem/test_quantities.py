@@ -122,6 +122,12 @@ def test_a_gain_is_positive_finite_and_grows_as_its_quantity_gets_better(maximis
     assert len(set(values)) == 5
 
 
+def test_of_what_goes_both_ways_the_size_is_minimised():
+    gain = Objective("lateral", maximise=False).quantity
+    left, straight, right = (gain.of(a_walk(lateral=y)) for y in (0.1, 0.0, -0.1))
+    assert left == right < straight
+
+
 def test_distance_and_cost_are_the_objectives_that_they_were():
     assert Objective.DISTANCE.quantity == "forward"
     assert Objective.COST_OF_TRANSPORT.quantity == "transport_efficiency"
