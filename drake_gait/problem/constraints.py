@@ -90,7 +90,7 @@ class Limit:
         return Limit(self.quantity.scaled(), lower=lower, upper=upper)
 
     def excess(self, value: ArrayLike) -> FloatArray:
-        """How far values, shape (...), are outside, in parts of the limit; below 0 inside."""
+        """Return how far values, shape (...), are outside, in parts of the limit; inside < 0."""
         value = np.asarray(value)
         finite = [end for end in (self.lower, self.upper) if not math.isinf(end)]
         # A limit at 0 has no size of its own.
@@ -150,7 +150,7 @@ class Constraints:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What each of `Assessment.violations` is of."""
+        """Names of the quantities of `Assessment.violations`, in their order."""
         return (*(limit.quantity.name for limit in self.limits), "frames")
 
     def but(self, **values: float | Sequence[float] | None) -> "Constraints":

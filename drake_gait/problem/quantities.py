@@ -1,7 +1,7 @@
 """The quantities of a walk: numbers that limits and objectives are set on, each declared once.
 
-From one declaration follow the key in a study's file, the limit, the output of the network, the
-column of the study file and of an export, the row in the report and the line of the reference.
+A declaration gives the key in a study's file, the limit and the output of the network. It also
+gives the columns of a study file and an export, the row in the report and the reference's line.
 """
 
 import keyword
@@ -22,7 +22,7 @@ from drake_gait.walk import Outcome, Walk
 
 
 class Needs(StrEnum):
-    """Where a quantity comes from."""
+    """The sources of quantities."""
 
     CANDIDATE = "candidate"
     """The trial alone, before anything is simulated."""
@@ -265,7 +265,7 @@ class Quantity(str):
 
     @property
     def at_hand(self) -> bool:
-        """Whether it can be read of a new walk."""
+        """True where it can be read of a new walk."""
         return not isinstance(self.read, Absent)
 
 
@@ -452,7 +452,7 @@ def evaluated(walk: Walk, trial: Trial) -> Walk:
 
 @dataclass(frozen=True, init=False)
 class Objective:
-    """What a study wants of a walk: the most, or the least, of a quantity."""
+    """The aim of a study: the most, or the least, of a quantity."""
 
     wanted: Quantity
     """The quantity."""
