@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from drake_gait.cli._command import conduct
-from drake_gait.cli._table import show
 from drake_gait.errors import GaitError, StudyError
 from drake_gait.files.shipped import find
 from drake_gait.files.strict_json import to_json
@@ -36,6 +35,8 @@ def _tell(options: argparse.Namespace) -> None:
     if options.json:
         print(to_json(plain))
         return
+    from drake_gait.cli._table import show
+
     for part in parts:
         if isinstance(part, Table):
             show(part)

@@ -14,7 +14,6 @@ from collections import defaultdict, deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
-from typing import Any
 
 import numpy as np
 
@@ -41,7 +40,7 @@ from drake_gait.study.ranking import Sample
 from drake_gait.study.records import CONFIRMATION, CONFIRMATIONS, StudyWalk
 from drake_gait.study.search_settings import MOST_SIMULATIONS
 from drake_gait.study.settings import StudySettings
-from drake_gait.walk import Disturbance, Fidelity, Integrator, Walk, WalkSettings
+from drake_gait.walk import Disturbance, Engine, Fidelity, Integrator, Walk, WalkSettings
 
 __all__ = ["Finalist", "Tier", "confirm", "finalists", "walked_as", "winner"]
 
@@ -72,8 +71,7 @@ _ELSEWHERE = 1_000_000_000
 """Beyond all numbers; added to that of a candidate for the ids of walks elsewhere."""
 
 _OTHER_SOLES = {Sole.AREA: Sole.POINTS, Sole.POINTS: Sole.AREA, Sole.BOXES: Sole.POINTS}
-_OTHER_ENGINES = {"drake": "mujoco", "mujoco": "drake"}
-"""Engines by their names, which are those of their libraries but for Drake's."""
+_OTHER_ENGINES = {Engine.DRAKE: Engine.MUJOCO, Engine.MUJOCO: Engine.DRAKE}
 
 
 def confirm(
@@ -240,7 +238,7 @@ def _simulated_as(
     if walk.variation == OTHER_SOLE:
         how = replace(how, sole=_OTHER_SOLES[how.sole], contact=None)
     if walk.variation == OTHER_ENGINE:
-        how = _in_other_engine(how)
+        how = replace(how, engine=_OTHER_ENGINES[how.engine])
     trial = Trial(
         candidate=candidate, settings=other_servo(settings, how, walk.nominal, walk.variation)
     )
@@ -251,26 +249,9 @@ def _simulated_as(
     return trial
 
 
-def _in_other_engine(how: WalkSettings) -> WalkSettings:
-    """Return how a walk is simulated in the other engine.
-
-    Raises:
-        SettingsError: there is one engine only, or the other one cannot walk so.
-    """
-    engine = getattr(how, "engine", None)
-    if engine is None:
-        raise SettingsError("walks are simulated by Drake alone")
-    other: dict[str, Any] = {"engine": _OTHER_ENGINES[str(engine)]}
-    return replace(how, **other)
-
-
 def other_engine_installed(how: WalkSettings) -> bool:
     """Return whether walks of a study can be walked in the other engine too."""
-    try:
-        other = _in_other_engine(replace(how, fidelity=Fidelity.REFERENCE))
-    except SettingsError:
-        return False
-    return str(getattr(other, "engine", "")) != "mujoco" or find_spec("mujoco") is not None
+    return _OTHER_ENGINES[how.engine] is not Engine.MUJOCO or find_spec("mujoco") is not None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

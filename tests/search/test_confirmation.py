@@ -34,7 +34,7 @@ from drake_gait.study.ranking import best_walk, sample
 from drake_gait.study.records import CONFIRMATION, CONFIRMATIONS, StudyWalk
 from drake_gait.study.search_settings import ConfirmationSettings, Mode, SearchSettings
 from drake_gait.study.store import Study
-from drake_gait.walk import Fidelity, Outcome
+from drake_gait.walk import Engine, Fidelity, Outcome
 
 STEADY = dataclasses.replace(walk_at(np.zeros(16)), lateral=0.0, yaw=0.0, com_height=0.245)
 CANDIDATES = 20
@@ -74,6 +74,8 @@ class Track:
                 self.keep(nominal, number, variation, other)
             elsewhere = dataclasses.replace(fine, sole=Sole.POINTS)
             self.keep(nominal, number, OTHER_SOLE, elsewhere)
+            elsewhere = dataclasses.replace(fine, engine=Engine.MUJOCO)
+            self.keep(nominal, number, OTHER_ENGINE, elsewhere)
 
     def keep(self, trial, number, variation, settings=None):
         settings = settings or trial.settings
@@ -233,7 +235,7 @@ def test_a_tier_is_tested_when_the_one_before_it_is_passed_and_its_law_is_seven_
     for one in finalists(wide, walks):
         counts = (one.feasible, one.converged_feasible)
         passed = [count >= 7 for count in counts]
-        assert one.tier == (2 if all(passed) else 1 if passed[0] else 0)
+        assert min(one.tier, 2) == (2 if all(passed) else 1 if passed[0] else 0)
         assert not one.converged or passed[0]
         assert (one.trusted is None) == (one.tier < 2)
         if one.tier == 2:
@@ -247,7 +249,7 @@ def test_the_winner_has_the_best_trusted_median_and_not_the_furthest_single_walk
     walks = confirmed(wide, path)
     found = winner(wide, walks)
     assert found.walk.id == 5
-    assert found.tier is Tier.CONVERGED
+    assert found.tier >= Tier.CONVERGED
     assert found.trusted == pytest.approx(0.17)
     ranked = [(-one.tier, -(one.trusted or 0.0)) for one in finalists(wide, walks)]
     assert ranked == sorted(ranked)
@@ -288,7 +290,7 @@ def test_a_result_says_first_whether_its_gait_can_be_trusted(
     walks = confirmed(settings, path, Track(settings, **walked))
     result = summary(settings, walks, None, wall_s=0.0)
     assert result["verdict"].startswith(first)
-    assert result["tier"] == tier
+    assert min(result["tier"], 2) == tier  # The winner may be tried elsewhere too.
     assert (result["trusted_mm"] is None) == (tier < 2)
     for entry in result["finalists"]:
         assert (entry["trusted_mm"] is None) == (entry["tier"] < 2)
@@ -455,7 +457,7 @@ def test_variations_differ_from_the_replicas_of_the_search(raced, entry):
     own = {perturbed(nominal, settings, 0, variation) for variation in (1, 2)}
     asked, _ = confirmed_alone(settings, entry)
     # Eight variations in each of two tiers, sixteen servos, a reference, measures, another sole.
-    assert len(set(asked)) == len(asked) == 35
+    assert len(set(asked)) == len(asked) == 36
     assert not own & set(asked)
 
 
@@ -465,7 +467,7 @@ def test_how_a_walk_was_simulated_is_known_from_the_study(raced, entry, replicas
     search = dataclasses.replace(raced.search, samples=6, simulations=6, replicas=replicas)
     settings = dataclasses.replace(raced, search=search)
     asked, walks = confirmed_alone(settings, entry)
-    assert {walk.variation for walk in walks} == {OTHER_SOLE, REFERENCE, *range(33)}
+    assert {walk.variation for walk in walks} == {OTHER_ENGINE, OTHER_SOLE, REFERENCE, *range(33)}
     for trial, walk in zip(asked, walks, strict=True):
         assert walked_as(settings, walk) == dataclasses.replace(trial.settings, measures=False)
     nominal = Trial(candidate=entry.candidate, settings=settings.walk)
@@ -493,7 +495,7 @@ def test_a_winner_that_holds_is_found_where_the_luckiest_walk_fails(study, tmp_p
     )
     walks = run(settings, tmp_path / "s.db", Biased(settings))
     found = winner(settings, walks)
-    assert found.tier is Tier.CONVERGED
+    assert found.tier >= Tier.CONVERGED
     searched = [walk for walk in walks if walk.is_search_walk]
     luckiest = best_walk(searched, settings.constraints)
     (lucky,) = (one for one in finalists(settings, walks) if one.walk.id == luckiest.id)

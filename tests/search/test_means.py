@@ -134,7 +134,8 @@ def test_a_mean_that_holds_is_a_finalist_with_an_id_of_its_own_and_may_win(setti
     assert found.walk.is_mean
     assert found.walk.id >= CONFIRMATIONS
     assert found.walk.candidate == settings.space.decode(MEANS[1])
-    assert (found.tier, found.feasible, found.converged_feasible) == (Tier.CONVERGED, 8, 8)
+    assert found.tier >= Tier.CONVERGED
+    assert (found.feasible, found.converged_feasible) == (8, 8)
     assert found.trusted == pytest.approx(0.5)
     assert {walk.nominal for walk in found.converged} == {found.walk.id}
     assert len(found.servo) == 16
