@@ -241,7 +241,8 @@ def test_a_tier_is_tested_when_the_one_before_it_is_passed_and_its_law_is_seven_
         if one.tier == 2:
             assert len(one.converged) == len(one.variations) == 8
     tiers = {one.walk.id: one.tier for one in finalists(wide, walks)}
-    assert [tiers[number] for number in range(8)] == [0, 0, 1, 0, 2, 2, 1, 2]
+    # The winner, 5, is tried on another sole and in the other engine too.
+    assert [tiers[number] for number in range(8)] == [0, 0, 1, 0, 2, 4, 1, 2]
     assert tiers[10] == 1
 
 
@@ -294,7 +295,7 @@ def test_a_result_says_first_whether_its_gait_can_be_trusted(
     assert (result["trusted_mm"] is None) == (tier < 2)
     for entry in result["finalists"]:
         assert (entry["trusted_mm"] is None) == (entry["tier"] < 2)
-        assert entry["tier"] <= tier
+        assert min(entry["tier"], 2) <= tier
     if tier == 2:
         best = result["finalists"][0]
         assert result["trusted_mm"] == best["trusted_mm"] == best["converged"]["median_mm"]

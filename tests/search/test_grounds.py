@@ -154,7 +154,7 @@ def test_the_robust_optimum_is_the_furthest_that_holds(study):
 
 def best_recommended(settings, samples):
     """The furthest that is trusted of what a confirmation would walk first [m]."""
-    return max(trusted(settings, one.candidate) for one in recommended(settings, samples)[:3])
+    return max(trusted(settings, one.candidate) for one in recommended(settings, samples)[:8])
 
 
 @pytest.mark.parametrize("mode", [Mode.DEFAULT, Mode.ISADE_NETWORK])
@@ -179,7 +179,7 @@ def test_every_risk_recommends_what_holds(study, tmp_path, risk):
         settings = robust_settings(study, seed, risk=risk)
         samples = searched(settings, tmp_path / f"{seed}.db")
         found.append(best_recommended(settings, samples))
-    assert np.median(found) > 0.6 * ROBUST_BEST  # One in ten means holds nowhere.
+    assert np.median(found) > 0.6 * ROBUST_BEST
 
 
 def test_a_search_that_never_leaves_its_ground_finds_nothing_that_holds(study, tmp_path):
