@@ -300,7 +300,7 @@ def test_a_result_says_first_whether_its_gait_can_be_trusted(
         best = result["finalists"][0]
         assert result["trusted_mm"] == best["trusted_mm"] == best["converged"]["median_mm"]
         assert best["servo"]["of"] == 16
-    assert not result["finalists"] or tiers(settings, walks).rows[0][-1] == f"T{tier}"
+    assert not result["finalists"] or tiers(settings, walks).rows[0][-1] == f"T{result['tier']}"
     if not tier:
         assert result["winner"] is None
 
