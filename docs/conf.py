@@ -2,7 +2,9 @@
 
 import itertools
 import re
+import sys
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from docutils import nodes
@@ -18,6 +20,9 @@ from sphinx.writers.html5 import HTML5Translator
 import drake_gait
 from drake_gait.gait import FloatArray
 from drake_gait.optimizers._box import Array
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
+import make_reference
 
 project = "drake_gait"
 version = release = drake_gait.__version__
@@ -91,6 +96,11 @@ def _with_literal_blocks(lines: list[str]) -> Iterator[str]:
         yield line
 
 
+def _with_tables(app: Sphinx, name: str, content: list[str]) -> None:
+    """Make the tables of the reference anew from the code."""
+    content[0] = make_reference.written(content[0])
+
+
 def _linked_from_the_site(app: Sphinx, name: str, content: list[str]) -> None:
     """Let links to Markdown outside of docs/, which a git host shows, lead to the file."""
     content[0] = re.sub(r"\]\((?=(\.\./)+[A-Z]+\.md\))", "](path:", content[0])
@@ -108,6 +118,7 @@ def _short_signature(
 
 def setup(app: Sphinx) -> None:
     """Tell Sphinx about links, docstrings, signatures and equations."""
+    app.connect("source-read", _with_tables)
     app.connect("source-read", _linked_from_the_site)
     app.connect("autodoc-process-docstring", _readable)
     app.connect("autodoc-process-signature", _short_signature)

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         DesignSpace,
         Limit,
         Objective,
+        Quantity,
         Trial,
         assess,
     )
@@ -62,6 +63,7 @@ _HOMES = {
         "DesignSpace",
         "Limit",
         "Objective",
+        "Quantity",
         "Trial",
         "assess",
     ),
@@ -114,6 +116,7 @@ __all__ = [
     "Progress",
     "Proposal",
     "Proposer",
+    "Quantity",
     "SearchSettings",
     "Serial",
     "Servo",

@@ -24,7 +24,7 @@ from drake_gait.execution.machine import default_workers
 from drake_gait.files.destination import check
 from drake_gait.files.strict_json import plain
 from drake_gait.foot import SIZES, FootDesign
-from drake_gait.problem import Candidate, Trial
+from drake_gait.problem import Candidate, Quantity, Trial
 from drake_gait.provenance import versions
 from drake_gait.report.result import summary
 from drake_gait.report.study_result import OF_THE_REPORT, RESULT, StudyResult
@@ -37,7 +37,7 @@ from drake_gait.search.runner import Progress
 from drake_gait.simulation.simulate import try_out, walk_trial
 from drake_gait.study.robot import ROBOT, robot_of
 from drake_gait.study.settings import StudySettings
-from drake_gait.study.store import PROPOSER, Study
+from drake_gait.study.store import PROPOSER, QUANTITIES, Study
 from drake_gait.visualization.portraits import check_looks
 
 STARTING_TIME = 60.0  # What a worker may need beside its walk, to import and to build [s].
@@ -61,6 +61,12 @@ def open_study(settings: StudySettings, folder: Path, proposer: Proposer | None 
     model = read_model(settings.walk.model)
     wanted = _wanted(settings, model)
     if not path.exists():
+        absent = [one.name for one in settings.quantities if not one.at_hand]
+        if absent:
+            raise SettingsError(
+                f"the quantities {', '.join(absent)} are not at hand; "
+                "run_study(..., quantities=[...]) takes them"
+            )
         try_robot(settings, model)
         source = {} if settings.source is None else {"source": asdict(settings.source)}
         handed = {} if (name := _name(proposer, settings)) is None else {PROPOSER: name}
@@ -71,7 +77,10 @@ def open_study(settings: StudySettings, folder: Path, proposer: Proposer | None 
         study.require(wanted)
         _require_proposer(study, _name(proposer, settings))
         study.resize(settings.search.simulations)
+        study.adopt(wanted["settings"])
         known = study.description()
+        if "finished" not in known:
+            study.require_at_hand(settings.quantities)
         if settings.source is not None and "source" not in known:  # Of before.
             study.set("source", asdict(settings.source))
         if ROBOT not in known:
@@ -119,7 +128,11 @@ def _require_proposer(study: Study, name: str | None) -> None:
 
 def _wanted(settings: StudySettings, model: RobotModel) -> dict[str, Any]:
     """What a study must have begun with, to be this one."""
-    return {"settings": settings.description(), "model_sha256": model.sha256}
+    return {
+        "settings": settings.description(),
+        "model_sha256": model.sha256,
+        QUANTITIES: [one.plain() for one in settings.quantities],
+    }
 
 
 def identity(settings: StudySettings, model: RobotModel) -> dict[str, Any]:
@@ -157,6 +170,7 @@ def run_study(
     progress: Callable[[Progress], None] | None = None,
     proposer: Proposer | None = None,
     executor: Executor | None = None,
+    quantities: Sequence[Quantity] = (),
 ) -> StudyResult:
     """Search a study to its end, confirm its winner, and return what came out.
 
@@ -172,6 +186,8 @@ def run_study(
         progress: Told how far the search is, after every walk.
         proposer: Proposes the candidates; by default that of settings.search.mode.
         executor: Runs the walks instead of local processes; it stays open.
+        quantities: Quantities of a user's own, kept for every walk and reported; a limit or an
+            objective on them is a setting.
 
     Raises:
         SettingsError: an argument cannot be used.
@@ -183,6 +199,7 @@ def run_study(
         raise SettingsError(f"got workers={workers} and an executor; give one of them")
     if workers is not None and (not isinstance(workers, int) or workers < 1):
         raise SettingsError(f"workers must be a whole number >= 1, got {workers!r}")
+    settings = settings.with_quantities(quantities) if quantities else settings
     folder = Path("runs") / settings.name if folder is None else Path(folder)
     tell = progress or _ignore
     with open_study(settings, folder, proposer) as study:

@@ -1,6 +1,7 @@
 """Ranges of settings: checked in SI units, told in whatever unit a person wrote the value."""
 
 import math
+import re
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, TypeVar
@@ -17,12 +18,25 @@ class Unit:
     si: float = 1.0
     """One of it in SI units."""
 
+    @property
+    def short(self) -> str:
+        """Its name in a table."""
+        return "deg" if self.name == "degrees" else self.name
+
+    @property
+    def suffix(self) -> str:
+        """What the key of a file ends with: mm, n_m or rad_per_s."""
+        text = self.short.lower().replace("/", "_per_").replace("·", "_")
+        return re.sub(r"[^a-z0-9_]", "", text)
+
 
 NONE = Unit(name="")
 """The unit of a plain number."""
 RAD = Unit(name="rad")
 DEGREES = Unit(name="degrees", si=math.pi / 180.0)
-MS = Unit(name="ms", si=1e-3)
+MM, MS = Unit(name="mm", si=1e-3), Unit(name="ms", si=1e-3)
+N_M, JOULES, SECONDS = Unit(name="N·m"), Unit(name="J"), Unit(name="s")
+RAD_PER_S = Unit(name="rad/s")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,12 +88,12 @@ class OutOfRangeError(SettingsError):
         place: tuple[int, int] | None = None,
     ) -> None:
         self.field, self.place = field, place
-        self._allowed, self._demand = allowed, demand
+        self.allowed, self._demand = allowed, demand
         super().__init__(self.told(name, value, unit))
 
     def told(self, name: str, value: Any, unit: Unit) -> str:
         """Return the message for a name and a value, with the range in a unit."""
-        return f"{name} {self._demand} {self._allowed.in_words(unit)}, got {value}"
+        return f"{name} {self._demand} {self.allowed.in_words(unit)}, got {value}"
 
 
 _Choice = TypeVar("_Choice", bound=StrEnum)

@@ -1,6 +1,7 @@
 """The walk: settings of a simulation, and its results."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
@@ -287,6 +288,8 @@ class Walk:
     """Time histories, when asked for."""
     measures: Measures | None = None
     """Energy, slip and the like, when histories are asked for."""
+    values: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    """Quantities that nothing else here tells, by name [SI], one value for each part."""
 
     @property
     def survived(self) -> bool:

@@ -46,6 +46,7 @@ WALLS = {
     "distributed": {"execution"},
     "matplotlib": {"visualization"},
     "cmaes": {"search"},
+    "cloudpickle": {"problem"},
     "rich": {"cli"},
     "mujoco": {"simulation"},
     "rcb4": {"hardware"},
@@ -164,7 +165,17 @@ def test_nobody_imports_all_of_drake():
 
 
 def test_the_package_depends_on_declared_libraries_only():
-    declared = {"cmaes", "jinja2", "matplotlib", "numpy", "pydrake", "rich", "scipy", "torch"}
+    declared = {
+        "cloudpickle",
+        "cmaes",
+        "jinja2",
+        "matplotlib",
+        "numpy",
+        "pydrake",
+        "rich",
+        "scipy",
+        "torch",
+    }
     declared |= {"drake_gait", "sklearn", "threadpoolctl"}
     extras = {"dask", "distributed", "mujoco", "optuna", "rcb4", "sqlalchemy"}
     for path in PACKAGE:

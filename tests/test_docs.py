@@ -267,7 +267,8 @@ def test_the_notebook_is_the_tutorial_s_script_without_outputs():
 
 @pytest.mark.slow
 def test_the_notebook_s_cells_run_one_after_the_other(tmp_path, monkeypatch, capfd):
-    budget = ["--samples", "28", "--simulations", "30", "--out", str(tmp_path / "tutorial")]
+    budget = ["--samples", "28", "--simulations", "30", "--confirmations", "8"]
+    budget += ["--out", str(tmp_path / "tutorial")]
     monkeypatch.setattr(sys, "argv", ["ipykernel_launcher.py", "-f", "kernel.json", *budget])
     names = {"__name__": "__main__"}
     for place, code in enumerate(code_cells()):

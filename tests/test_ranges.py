@@ -18,7 +18,10 @@ TABLES = {
     "servo": study_keys.SERVO,
     "constraints": study_keys.CONSTRAINTS,
     "foot": study_keys.FOOT,
-    "confirmation": {"noise_deg": study_keys.CONFIRMATION["noise_deg"]},
+    "confirmation": {
+        key: study_keys.CONFIRMATION[key]
+        for key in ("noise_deg", "joint_zero_deg", "command_delay_ms")
+    },
     "walk": study_keys.WALK,
 }
 KEYS = [
@@ -37,7 +40,7 @@ def refusal(read, section, key, value):
 
 
 def test_every_key_with_a_unit_in_its_name_has_one():
-    endings = ("_mm", "_deg", "_j", "_n_m", "_per_rad", "_per_s", "_per_deg", "_s")
+    endings = ("_mm", "_deg", "_j", "_n_m", "_per_rad", "_per_s", "_per_deg", "_s", "_ms")
     for section, keys in study_keys.KEYS.items():
         for key in keys:
             if key.endswith(endings):
@@ -74,6 +77,13 @@ def test_a_number_out_of_range_is_told_as_it_was_written(read, section, key, fie
 @pytest.mark.parametrize(("section", "key", "field", "unit"), KEYS)
 def test_what_is_no_number_is_told_with_its_key(read, section, key, field, unit, value):
     assert refusal(read, section, key, value).startswith(f"{section}.{key} must be a finite number")
+
+
+@pytest.mark.parametrize("value", ["[2.5, 1.25]", "[1.25, 1.25]", "[0.0, 0.0]"])
+@pytest.mark.parametrize("key", study_keys.CONSTRAINTS)
+def test_both_ends_of_a_limit_rise_or_are_told_as_they_were_written(read, key, value):
+    message = refusal(read, "constraints", key, value)
+    assert message == f"constraints.{key} must rise from smallest to largest, got {value}"
 
 
 @pytest.mark.parametrize("value", ["[-7.5, 1.25]", "[2.5, 1.25]", "[1.25, 1.25]", "[0.0, 1e9]"])

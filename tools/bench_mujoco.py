@@ -157,6 +157,7 @@ def main() -> None:
     parser.add_argument("--study", type=Path, default=default_study())
     parser.add_argument("--walks", type=int, default=30, help="gaits of the box")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--most", type=int, metavar="N", help="of the finalists, the first N")
     parser.add_argument(
         "--soles", nargs="+", choices=list(Sole), default=[Sole.POINTS, Sole.AREA], metavar="SOLE"
     )
@@ -168,7 +169,7 @@ def main() -> None:
     else:
         settings, _ = walks_of_box(options.study, 20, options.seed)
     if options.runs:
-        gaits["finalists"] = finalists_of(options.runs)
+        gaits["finalists"] = finalists_of(options.runs)[: options.most]
     for sole in options.soles:
         walk = replace(settings.walk, sole=sole, fidelity=Fidelity.SEARCH)
         engines = causes(walk) if options.causes else agreement(walk)

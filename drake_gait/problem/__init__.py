@@ -10,9 +10,21 @@ from drake_gait.problem.constraints import (
     quantities,
 )
 from drake_gait.problem.design_space import COEFFICIENTS, ROUNDING, DesignSpace
-from drake_gait.problem.quantities import OF_EVERY_WALK, OUTPUTS, Objective, quantity
+from drake_gait.problem.quantities import (
+    BUILT_IN,
+    OF_EVERY_WALK,
+    OUTPUTS,
+    Needs,
+    Objective,
+    Quantity,
+    Side,
+    evaluated,
+    named,
+    quantity,
+)
 
 __all__ = [
+    "BUILT_IN",
     "COEFFICIENTS",
     "OF_EVERY_WALK",
     "OUTPUTS",
@@ -23,9 +35,14 @@ __all__ = [
     "Constraints",
     "DesignSpace",
     "Limit",
+    "Needs",
     "Objective",
+    "Quantity",
+    "Side",
     "Trial",
     "assess",
+    "evaluated",
+    "named",
     "quantities",
     "quantity",
 ]

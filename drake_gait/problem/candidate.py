@@ -1,10 +1,14 @@
 """The candidate, a gait on a foot, and the trial, a candidate with how it is simulated."""
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from drake_gait.foot import FootDesign
 from drake_gait.gait import Gait
 from drake_gait.walk import WalkSettings
+
+if TYPE_CHECKING:
+    from drake_gait.problem.quantities import Quantity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,3 +29,5 @@ class Trial:
     """What walks."""
     settings: WalkSettings = field(default_factory=WalkSettings)
     """How it is simulated."""
+    quantities: "tuple[Quantity, ...]" = ()
+    """Quantities of a user's own, to be read where it is simulated."""

@@ -1,7 +1,7 @@
 """The files of a study's folder beside study.db: its report and all that is in it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,15 +10,16 @@ import numpy as np
 from drake_gait.files.destination import check, make_folder, write
 from drake_gait.files.strict_json import plain, to_json
 from drake_gait.gait import FloatArray, Start
+from drake_gait.problem import Trial, evaluated
 from drake_gait.report.page import FIGURES, PORTRAIT, Run, write_study_page
 from drake_gait.report.result import in_words, summary
-from drake_gait.report.study_result import RESULT, StudyResult
+from drake_gait.report.study_result import RESULT, StudyResult, quantities_of
 from drake_gait.search.confirmation import walked_as
 from drake_gait.search.proposer import training_data
 from drake_gait.simulation.plant import stall_torques
 from drake_gait.simulation.simulate import simulate
 from drake_gait.study.finalists import measured, winner
-from drake_gait.study.ranking import best_walk
+from drake_gait.study.ranking import best_walk, search_walks
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.robot import settings_with_robot
 from drake_gait.study.settings import StudySettings
@@ -33,7 +34,7 @@ from drake_gait.visualization import walk as walk_figures
 from drake_gait.visualization.portraits import chronophotograph, pictures
 from drake_gait.visualization.recording import record
 from drake_gait.visualization.style import save_picture
-from drake_gait.walk import History, Measures, Walk
+from drake_gait.walk import History, Measures, Walk, WalkSettings
 
 _ROOM = 0.17  # from one exposure of a portrait to the next [m]
 _MOST_EXPOSURES = 4
@@ -102,7 +103,7 @@ def write_outputs(
     Raises:
         GaitError: a file cannot be written.
     """
-    searched = [walk for walk in walks if walk.is_search_walk]
+    searched = search_walks(walks)
     network, baselines = _learnt(settings, searched)
     robust = winner(settings, walks)
     objective = settings.search.objective
@@ -118,6 +119,7 @@ def write_outputs(
         ),
         "measures": asdict(measures) if measures else None,
         "jumps_deg": _jumps(best, settings.walk.start) if best else None,
+        "quantities": _quantities(settings, best, replayed, how) if best else None,
     })  # fmt: skip
     write(folder / RESULT, to_json(result) + "\n")
     make_folder(folder / FIGURES)
@@ -138,6 +140,17 @@ def write_outputs(
         network=network,
         files=_files(folder, toml.name),
     )
+
+
+def _quantities(
+    settings: StudySettings, best: StudyWalk, replayed: Walk | None, how: WalkSettings | None
+) -> dict[str, Any]:
+    """Return the quantities of the best walk; its own have been read when it was searched."""
+    if replayed is None or how is None:
+        return quantities_of(best.walk, settings.quantities)
+    again = replace(replayed, values=best.walk.values)
+    trial = Trial(candidate=best.candidate, settings=how)
+    return quantities_of(evaluated(again, trial), settings.quantities)
 
 
 def _jumps(best: StudyWalk, start: Start) -> dict[str, float]:

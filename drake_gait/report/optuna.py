@@ -25,6 +25,7 @@ from sqlalchemy.exc import ArgumentError
 from drake_gait.errors import StudyError
 from drake_gait.foot import SEARCHED_IN_LOG
 from drake_gait.problem import COEFFICIENTS
+from drake_gait.study.ranking import search_walks
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
 from drake_gait.study.store import Study
@@ -66,7 +67,7 @@ def export_to_optuna(study: Study, url: str | BaseStorage, name: str) -> tuple[i
             added then.
     """
     description = study.description()
-    walks = [walk for walk in study.walks() if walk.is_search_walk]
+    walks = search_walks(study.walks())
     settings = study.settings()
     names, rows = study.rows()
     columns = {row[names.index("id")]: dict(zip(names, row, strict=True)) for row in rows}

@@ -66,7 +66,7 @@ def write_study_page(run: Run, path: Path) -> None:
         GaitError: the file cannot be written.
     """
     result, limits = run.result, run.settings.constraints
-    measures = result.get("measures")
+    told = {one.quantity.name: report_tables.limit_in_words(one) for one in limits.given}
     page = _environment().get_template("report.html").render(
         run=run,
         result=result,
@@ -77,12 +77,12 @@ def write_study_page(run: Run, path: Path) -> None:
         degrees=math.degrees(1.0),
         shuffles=_shuffles(result),
         limits={
-            "lateral": number(1e3 * limits.lateral, 0),
-            "yaw": number(math.degrees(limits.yaw), 0),
-            "com_height": number(1e3 * limits.com_height, 2),
+            "lateral": told["lateral"],
+            "yaw": told["yaw"],
+            "com_height": told["com_height"],
             # Those of a study's own, between Eqs. 11-13 and Eq. 14.
             "others": ", ".join(name.replace("_", " ") for name in limits.names[3:-1]),
-            "yaw_swing": limits.yaw_swing and number(math.degrees(limits.yaw_swing), 0),
+            "yaw_swing": told.get("yaw_swing"),
         },
         unslipping=next(
             (walk for walk in run.walks if walk.id == result.get("best_unslipping")), None
@@ -94,7 +94,7 @@ def write_study_page(run: Run, path: Path) -> None:
             "foot": report_tables.foot(result["foot"] or {}),
             "dropped": report_tables.finalists(result, dropped=True),
             "finalists_manner": report_tables.manner_of_finalists(result),
-            "manner": report_tables.manner(measures) if measures else None,
+            "manner": report_tables.manner(result, run.settings.quantities),
             "stages": report_tables.stages(run.walks, run.settings, result.get("proposer")),
             "failures": report_tables.failures(run.walks),
             "network": report_tables.network(result),
@@ -126,7 +126,10 @@ def write_comparison_page(runs: Sequence[Run], path: Path) -> None:
     ]
     page = _environment().get_template("comparison.html").render(
         runs=runs,
-        numbers=report_tables.side_by_side(names, [run.result for run in runs]),
+        numbers=report_tables.side_by_side(
+            names, [run.result for run in runs],
+            tuple({one.name: one for run in runs for one in run.settings.quantities}.values()),
+        ),
         differences=report_tables.differences(names, [run.settings.description() for run in runs]),
         figures=[figure for figure in shown if figure["of"]],
         versions=[report_tables.versions(run.result["versions"]) for run in runs],

@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from drake_gait.problem import OUTPUTS
 from drake_gait.provenance import versions
-from drake_gait.report.study_result import best_in_words, distances, plain_walk
+from drake_gait.report.study_result import best_in_words, distances, plain_walk, quantities_of
 from drake_gait.study.finalists import Finalist, Tier, best_unslipping, finalists, winner
-from drake_gait.study.ranking import best_walk
+from drake_gait.study.ranking import best_walk, search_walks
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
 from drake_gait.walk import Measures, Outcome, Walk
@@ -48,13 +47,14 @@ def summary(
     no walk is feasible, the best is the one nearest to it. A number that is not known is None. A
     study without walks has none, and a walk that could not be simulated to its end no distance.
     """
-    searched = [walk for walk in walks if walk.is_search_walk]
+    searched = search_walks(walks)
     nominal_best = (
         best_walk(searched, settings.constraints, settings.search.objective) if searched else None
     )
     robust = winner(settings, walks)
     best = robust.walk if robust else nominal_best
     unslipping = best_unslipping(settings, walks)
+    outputs = [one.name for one in settings.outputs]
     return {
         "study": settings.name,
         "seed": settings.seed,
@@ -62,6 +62,7 @@ def summary(
         "proposer": proposer,
         "verdict": verdict(settings, walks),
         "best": plain_walk(best) if best else None,
+        "quantities": quantities_of(best.walk, settings.quantities) if best else None,
         "winner": robust.walk.id if robust else None,
         "tier": int(robust.tier) if robust else int(Tier.FOUND),
         "trusted_mm": _mm(robust.trusted) if robust else None,
@@ -74,10 +75,10 @@ def summary(
         "confirmations": len(walks) - len(searched),
         "survivors": sum(walk.walk.survived for walk in searched),
         "feasible_count": sum(settings.assess(walk.walk).feasible for walk in searched),
-        "r2_train": _by_output(network.r2_train if network else None),
-        "r2_heldout": _by_output(network.r2_heldout if network else None),
-        "r2_heldout_ridge": _by_output(baselines.ridge if baselines else None),
-        "r2_heldout_kriging": _by_output(baselines.kriging if baselines else None),
+        "r2_train": _by_output(network.r2_train if network else None, outputs),
+        "r2_heldout": _by_output(network.r2_heldout if network else None, outputs),
+        "r2_heldout_ridge": _by_output(baselines.ridge if baselines else None, outputs),
+        "r2_heldout_kriging": _by_output(baselines.kriging if baselines else None, outputs),
         "survival_auc": baselines.network_auc if baselines else None,
         "survival_auc_logistic": baselines.logistic_auc if baselines else None,
         "wall_s": wall_s,
@@ -87,7 +88,7 @@ def summary(
 
 def verdict(settings: StudySettings, walks: Sequence[StudyWalk]) -> str:
     """Return the outcome of a study in one sentence, whatever became of its walks."""
-    searched = [walk for walk in walks if walk.is_search_walk]
+    searched = search_walks(walks)
     if not searched:
         return "No walk has been simulated yet."
     count = f"{len(searched)} walk{'s' if len(searched) > 1 else ''}"
@@ -267,11 +268,11 @@ def manner_in_words(measures: Measures) -> str:
     )
 
 
-def _by_output(values: Any) -> Mapping[str, float | None]:
+def _by_output(values: Any, names: Sequence[str]) -> Mapping[str, float | None]:
     if values is None:
-        return dict.fromkeys(OUTPUTS)
+        return dict.fromkeys(names)
     # Of an output that does not vary nothing is explained, and JSON has no word for that number.
     return {
         name: float(value) if np.isfinite(value) else None
-        for name, value in zip(OUTPUTS, values, strict=False)
+        for name, value in zip(names, values, strict=True)
     }

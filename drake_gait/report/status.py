@@ -10,7 +10,7 @@ from typing import Any
 from drake_gait.errors import StudyError
 from drake_gait.files.strict_json import from_json
 from drake_gait.study._lock import is_driven
-from drake_gait.study.ranking import feasible_walks
+from drake_gait.study.ranking import feasible_walks, search_walks
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.store import Study, study_file
 from drake_gait.walk import Outcome
@@ -128,7 +128,7 @@ def read_status(path: str | Path) -> Status:
         description, settings, walks = study.description(), study.settings(), study.walks()
     ended = "finished" if "finished" in description else "unfinished"
     feasible = feasible_walks(walks, settings.constraints, settings.search.objective)
-    failures = Counter(walk.walk.failure for walk in walks if walk.is_search_walk)
+    failures = Counter(walk.walk.failure for walk in search_walks(walks))
     return Status(
         folder=file.parent,
         state="running" if running else ended,

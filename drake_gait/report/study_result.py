@@ -13,7 +13,7 @@ from drake_gait.files.destination import write
 from drake_gait.files.strict_json import from_json, plain, to_json
 from drake_gait.foot import FootDesign
 from drake_gait.gait import Gait
-from drake_gait.problem import Candidate
+from drake_gait.problem import BUILT_IN, Candidate, Quantity
 from drake_gait.study.records import StudyWalk
 from drake_gait.walk import Measures, Outcome, Walk
 
@@ -29,6 +29,7 @@ OF_THE_REPORT = (
     "survival_auc_logistic",
     "measures",
     "jumps_deg",
+    "quantities",
 )
 """Keys that are null until `write_report` has learnt a network and walked the best walk again."""
 
@@ -138,6 +139,8 @@ class StudyResult:
     """Measures of the best walk."""
     jumps_deg: Mapping[str, float] | None = None
     """How far the gait of the best walk misses its nodes at 0.3 and 3.3 s [deg]."""
+    quantities: Mapping[str, Any] | None = None
+    """Every known quantity of the best walk by its name [SI]; a list where it has parts."""
 
     @classmethod
     def read(cls, folder: str | Path) -> Self:
@@ -216,6 +219,25 @@ def best_in_words(best: StudyWalk | None) -> dict[str, Any]:
     }
 
 
+def quantities_of(walk: Walk, own: Sequence[Quantity] = ()) -> dict[str, Any]:
+    """Return every known quantity of a walk by its name [SI]; a list where it has parts.
+
+    A number that is not finite is None. A walk that was not simulated to its end has none.
+
+    Args:
+        walk: The walk.
+        own: Quantities of the study's own.
+    """
+    found: dict[str, Any] = {}
+    for one in (*BUILT_IN.values(), *own):
+        if walk.outcome is Outcome.DIVERGED and one.name not in walk.values:
+            continue
+        values = [value if np.isfinite(value) else None for value in one.values(walk) or ()]
+        if values:
+            found[one.name] = values if one.parts else values[0]
+    return found
+
+
 def distances(walk: Walk | None) -> dict[str, float | None]:
     """Return the paper's numbers of a walk but N; None of a walk that was not simulated."""
     names = ("forward_mm", "lateral_mm", "yaw_deg", "com_height_mm")
@@ -292,6 +314,10 @@ def _best(content: Mapping[str, Any]) -> StudyWalk | None:
         numbers: dict[str, Any] = {
             name: np.nan if value is None and name in _NUMBERS else value
             for name, value in walk.items()
+        }
+        numbers["values"] = {
+            name: tuple(np.nan if one is None else one for one in values)
+            for name, values in walk.get("values", {}).items()
         }
         numbers["measures"] = walk["measures"] and _measures(walk["measures"])
         numbers["outcome"] = Outcome(walk["outcome"])

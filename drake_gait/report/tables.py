@@ -10,7 +10,8 @@ import numpy as np
 
 from drake_gait.foot import DESIGN_UNITS, N_MM_PER_DEG
 from drake_gait.gait import CYCLE_TIME, FRAME_TIME, TERMS, WAVEFORMS
-from drake_gait.problem import Constraints
+from drake_gait.problem import BUILT_IN, OUTPUTS, Constraints, Limit, Quantity
+from drake_gait.problem.quantities import FEET
 from drake_gait.report.result import PAPER_TABLE
 from drake_gait.study import finalists as study_finalists
 from drake_gait.study.ranking import feasible_walks
@@ -26,6 +27,9 @@ OUTPUT_NAMES = {
     "com_height": "Y, height of the centre of mass",
 }
 """What the network predicts, for people."""
+
+_COMPARED = ("slip", "yaw_swing", "torso_tilt", "cost_of_transport")
+"""Quantities of the winners that are compared."""
 
 _DEGREES = float(np.degrees(1.0))
 
@@ -115,6 +119,8 @@ def tiers(settings: StudySettings, walks: Sequence[StudyWalk]) -> Table | None:
             *_in_tier(one.variations, one.feasible, number(1e3 * one.median, 1)),
             *_in_tier(one.converged, one.converged_feasible, _median(one.converged)),
             *_in_tier(one.servo, one.servo_feasible, _upright(one.servo)),
+            _part_elsewhere(one, one.other_sole),
+            _part_elsewhere(one, one.other_engine),
             f"T{one.tier}",
         ]
         for one in study_finalists.finalists(settings, walks)
@@ -133,10 +139,21 @@ def tiers(settings: StudySettings, walks: Sequence[StudyWalk]) -> Table | None:
             "feasible",
             "T3 upright",
             "feasible",
+            "T4 sole",
+            "engine",
             "tier",
         ],
         rows=rows,
     )
+
+
+def _part_elsewhere(finalist: study_finalists.Finalist, other: StudyWalk | None) -> str:
+    """Return how much of its distance a finalist walked on another sole or in another engine."""
+    if other is None or finalist.reference is None or not finalist.reference.walk.forward:
+        return "–"
+    if not other.walk.survived:
+        return str(other.walk.outcome)
+    return f"{100.0 * other.walk.forward / finalist.reference.walk.forward:.0f} %"
 
 
 def _in_tier(walks: Sequence[StudyWalk], feasible: int, told: str) -> tuple[str, str]:
@@ -280,29 +297,54 @@ def _place_of_winner(entries: Sequence[Mapping[str, Any]], result: Mapping[str, 
     return walks.index(winner) if winner in walks else None
 
 
-def manner(measures: Mapping[str, Any]) -> Table:
-    """How the winner walks."""
-    pairs = (
-        ("slip of the loaded sole [mm]", "slip", 1e3, 0),
-        ("minimum toe clearance of the lowest swing [mm]", "clearance", 1e3, 1),
-        ("duty factor in the second cycle", "duty_factor", 1.0, 2),
-    )
-    rows = [
-        [name, *(scaled(value, factor, digits) for value in measures[key])]
-        for name, key, factor, digits in pairs
-    ]
-    for name, key, factor, digits in (
-        ("cost of transport", "cost_of_transport", 1.0, 2),
-        ("driving work of the servos [J]", "positive_energy", 1.0, 2),
-        ("largest torque [N·m]", "peak_torque", 1.0, 2),
-        ("largest ground reaction [weights]", "peak_ground_reaction", 1.0, 2),
-        ("largest speed [rad/s]", "peak_speed", 1.0, 1),
-        ("range of the torso's heading [deg]", "yaw_swing", _DEGREES, 0),
-        ("largest lean of the torso [deg]", "torso_tilt", _DEGREES, 0),
-    ):
-        rows.append([name, scaled(measures.get(key), factor, digits), ""])
-    return Table(caption="How it walks", columns=["measure", "right foot, or all", "left foot"],
+def manner(result: Mapping[str, Any], own: Sequence[Quantity] = ()) -> Table | None:
+    """Return how the winner walks: every quantity but the paper's; None where none is known.
+
+    Args:
+        result: The content of a result.json.
+        own: Quantities of the study's own.
+    """
+    known = _quantities(result)
+    rows = []
+    for one in (*BUILT_IN.values(), *own):
+        if one.name in OUTPUTS or one.name not in known:
+            continue
+        value = known[one.name]
+        cells = [shown(part, one) for part in (value if isinstance(value, list) else [value])]
+        if one.parts == FEET or len(cells) == 1:
+            rows.append([one.title, *cells, *[""] * (2 - len(cells))])
+        else:
+            for part, cell in zip(one.parts, cells, strict=True):
+                rows.append([f"{one.title}, {words(part)}", cell, ""])
+    if not rows:
+        return None
+    return Table(caption="How it walks", columns=["quantity", "right foot, or all", "left foot"],
                  rows=rows)  # fmt: skip
+
+
+def shown(value: float | None, one: Quantity) -> str:
+    """Return a value [SI] of a quantity as people read it, see `number`."""
+    return scaled(value, 1.0 / one.unit.si, one.digits)
+
+
+def limit_in_words(limit: Limit | None) -> str:
+    """Return the range of a limit in the unit of its quantity; empty without one."""
+    if limit is None:
+        return ""
+    low, high = (
+        f"{round(end / limit.quantity.unit.si, 4):g}".replace("-", "\N{MINUS SIGN}")
+        for end in (limit.lower, limit.upper)
+    )
+    if limit.lower == -limit.upper:
+        return f"within ±{high}"
+    if math.isinf(limit.upper):
+        return f"at least {low}"
+    return f"at most {high}" if math.isinf(limit.lower) else f"{low} to {high}"
+
+
+def _quantities(result: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the quantities of a result; of an older one, its measures."""
+    return result.get("quantities") or result.get("measures") or {}
 
 
 def stages(
@@ -363,7 +405,7 @@ def network(result: Mapping[str, Any]) -> Table | None:
         caption="Share of the variance that the network explains, R²",
         columns=["output", "training", "held out", "ridge, held out", "kriging, held out"],
         rows=[
-            [OUTPUT_NAMES.get(name, name), number(train[name], 2), number(heldout[name], 2)]
+            [OUTPUT_NAMES.get(name, words(name)), number(train[name], 2), number(heldout[name], 2)]
             + [number(one.get(name), 2) for one in beside]
             for name in train
         ],
@@ -394,8 +436,10 @@ def versions(found: Mapping[str, str]) -> Table:
                  rows=[[name, value] for name, value in found.items()], numbers=False)  # fmt: skip
 
 
-def side_by_side(names: Sequence[str], results: Sequence[Mapping[str, Any]]) -> Table:
-    """The numbers of several studies."""
+def side_by_side(
+    names: Sequence[str], results: Sequence[Mapping[str, Any]], own: Sequence[Quantity] = ()
+) -> Table:
+    """The numbers of several studies, and the quantities of their own."""
     lines = (
         ("best walk", "walk", 0), ("Z, forward [mm]", "forward_mm", 1),
         ("X, lateral [mm]", "lateral_mm", 1), ("R, turn [deg]", "yaw_deg", 2),
@@ -421,14 +465,9 @@ def side_by_side(names: Sequence[str], results: Sequence[Mapping[str, Any]]) -> 
         values = [_of_winner(result, key) for result in results]
         if any(value is not None for value in values):
             rows.append([label, *(number(value, 1) for value in values)])
-    for label, key, factor, digits in (
-        ("slip of the sole that slips more [mm]", "slip", 1e3, 0),
-        ("range of the torso's heading [deg]", "yaw_swing", _DEGREES, 0),
-        ("largest lean of the torso [deg]", "torso_tilt", _DEGREES, 0),
-        ("cost of transport", "cost_of_transport", 1.0, 2),
-    ):
-        measured = [_largest((result.get("measures") or {}).get(key)) for result in results]
-        rows.append([label, *(scaled(one, factor, digits) for one in measured)])
+    for one in (*(BUILT_IN[name] for name in _COMPARED), *own):
+        measured = [_largest(_quantities(result).get(one.name)) for result in results]
+        rows.append([one.title, *(shown(value, one) for value in measured)])
     return Table(caption="The studies side by side", columns=["", *names], rows=rows)
 
 

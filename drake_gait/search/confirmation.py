@@ -45,13 +45,18 @@ from drake_gait.walk import Disturbance, Fidelity, Integrator, Walk, WalkSetting
 
 __all__ = ["Finalist", "Tier", "confirm", "finalists", "walked_as", "winner"]
 
-_IN_FLIGHT = 6
-"""Walks under way at once: each is decided when all but the last five before it are known.
+_IN_FLIGHT = 8
+"""Walks of the race under way at once: each is decided when all but seven before it are known.
 
 The number is not that of the workers, so that any number of them makes the same walks.
 """
 _AT_ONCE = 32
 """Walks under way at once, those that decide nothing included."""
+_AHEAD = 2
+"""Walks of a candidate that are begun beyond those that could drop it, if all of them failed.
+
+Without them the race would walk candidates that promise less meanwhile.
+"""
 _LOOKED_AT = 12
 """Feasible walks, the best first, that are looked at for one that does not slip."""
 _BELIEF = 2.0
@@ -71,16 +76,28 @@ _OTHER_ENGINES = {"drake": "mujoco", "mujoco": "drake"}
 """Engines by their names, which are those of their libraries but for Drake's."""
 
 
-def confirm(settings: StudySettings, runner: Runner, samples: Sequence[Sample]) -> None:
+def confirm(
+    settings: StudySettings,
+    runner: Runner,
+    samples: Sequence[Sample],
+    *,
+    advise: Callable[[Sequence[StudyWalk]], list[Recommended]] | None = None,
+) -> None:
     """Walk the best candidates of a finished search again.
 
     The same walks give the same confirmation: one that was interrupted goes on. Workers have always
     something to walk: first come the walks that are made whatever the race finds, and they fill in
     where the race waits for an answer.
+
+    Args:
+        settings: The study.
+        runner: Simulates, and keeps every walk.
+        samples: All samples of the search.
+        advise: Recommends candidates, answers so far considered; by default `Adviser.recommended`.
     """
     if settings.confirmation.walks == 0:
         return
-    race, window = _Race(settings, runner, samples), _Window(runner)
+    race, window = _Race(settings, runner, samples, advise), _Window(runner)
     spare = deque(race.certain_walks())
     deciding: list[Planned] | None = None
     trusted = False
@@ -285,13 +302,19 @@ class _Test:
 class _Race:
     """Candidates that are walked again, the most promising first, until enough can be trusted."""
 
-    def __init__(self, settings: StudySettings, runner: Runner, samples: Sequence[Sample]) -> None:
+    def __init__(
+        self,
+        settings: StudySettings,
+        runner: Runner,
+        samples: Sequence[Sample],
+        advise: Callable[[Sequence[StudyWalk]], list[Recommended]] | None,
+    ) -> None:
         self._settings, self._plan = settings, settings.confirmation
         self._runner, self._searched = runner, samples
         ranked = sorted(samples, key=lambda one: one.rank)
         self._field = [_entrant_of(one) for one in ranked if one.assessment.feasible]
         self._entrants = {one.number: one for one in self._field}
-        self._adviser: Adviser | None = None
+        self._advise = advise
         self._numbers_of_means: dict[bytes, int] = {}
         self._tests: dict[tuple[int, Tier], _Test] = defaultdict(_Test)
         self._used = {False: 0, True: 0}  # Walks begun, at reference fidelity or not.
@@ -402,11 +425,11 @@ class _Race:
         """Return what the search recommends, all that was heard of considered."""
         if not self._field:
             return []
-        if self._adviser is None:
-            self._adviser = Adviser(self._settings, self._searched)
-            if self._plan.means:
-                self._enter_means(self._adviser.recommended())
-        return self._adviser.recommended(self._answers)
+        if self._advise is None:  # Now: it learns, while the first walks are under way.
+            self._advise = Adviser(self._settings, self._searched).recommended
+        if self._plan.means and not self._answers:
+            self._enter_means(self._advise([]))
+        return self._advise(self._answers)
 
     def _enter_means(self, recommended: Sequence[Recommended]) -> None:
         """Give means their numbers: by the size of the search and their place in its advice."""
@@ -460,7 +483,7 @@ class _Race:
         return None
 
     def _may_walk(self, number: int, tier: Tier) -> bool:
-        """Return whether another walk of a candidate may begin: none is begun in vain."""
+        """Return whether another walk of a candidate may begin: few are begun in vain."""
         if not self._is_left(tier):
             return False
         if tier is Tier.FOUND:
@@ -468,7 +491,7 @@ class _Race:
         test = self._tests[number, tier]
         pending = test.begun - len(test.known)
         may_fail = self._bearable + 1 - self._failures(number, tier)
-        return test.begun < self._plan.replicas and pending < may_fail
+        return test.begun < self._plan.replicas and pending < may_fail + _AHEAD
 
     def _is_left(self, tier: Tier) -> bool:
         """Return whether the budget of a tier has a walk left; a mean's own is one of REPEATS."""

@@ -44,6 +44,7 @@ class Learner:
         samples: Candidates of the first iteration.
         batch: Candidates of every other iteration.
         network: Size of the networks, and how long they learn.
+        overlap: Candidates of the batch before that a proposal does without.
     """
 
     def __init__(
@@ -52,9 +53,10 @@ class Learner:
         samples: int,
         batch: int,
         network: NetworkSettings | None = None,
+        overlap: int = 0,
     ) -> None:
         self._settings, self._samples, self._batch = settings, samples, batch
-        self._network = network
+        self._network, self._overlap = network, overlap
         self._vintages = [0, 1]
 
     def vintage(self, iteration: int) -> int:
@@ -81,6 +83,8 @@ class Learner:
         """Return the vintage of the next iteration."""
         iteration, last = len(self._vintages), self._vintages[-1]
         ahead = 1 if self._count(iteration) < _AT_LEISURE else 2
+        if self._overlap:  # The batch before is not known in time.
+            ahead += 1
         newest = max(last, iteration - ahead)
         since = self._count(newest) - self._count(last)
         return newest if _GROWTH * since > min(self._count(last), WINDOW) else last
@@ -96,12 +100,16 @@ class NetworkProposer:
     Args:
         settings: The study.
         network: Size of the networks, and how long they learn.
+        overlap: Candidates of the batch before that a proposal does without: they are still being
+            simulated.
     """
 
-    def __init__(self, settings: StudySettings, network: NetworkSettings | None) -> None:
-        self._settings = settings
+    def __init__(
+        self, settings: StudySettings, network: NetworkSettings | None, overlap: int = 0
+    ) -> None:
+        self._settings, self.overlap = settings, overlap
         self.samples, self.batch = settings.search.samples, settings.search.batch
-        self._learner = Learner(settings, self.samples, self.batch, network)
+        self._learner = Learner(settings, self.samples, self.batch, network, overlap)
 
     def vintage(self, iteration: int) -> int:
         """Return an earlier iteration where networks take longer than walks."""

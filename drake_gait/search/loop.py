@@ -63,9 +63,10 @@ def search(
         if run.has_converged(iteration):  # Step 6.
             break
         run.learn_ahead(iteration)  # Step 3.
-        runner.finish()  # Meanwhile: what the iteration before still simulates.
+        runner.wait(run.heard_ids(iteration))  # Meanwhile: what is still simulated.
+        run.learn_ahead(iteration)
         proposal = run.propose(iteration, run.network(iteration))  # Steps 1 and 4.
-        runner.start(run.planned(iteration, proposal))  # Steps 2 and 5.
+        runner.start(run.planned(iteration, proposal), beside=True)  # Steps 2 and 5.
     runner.finish()
     confirm(settings, runner, run.samples())
 
@@ -106,6 +107,8 @@ class _Run:
         self._proposer = proposer
         samples = min(proposer.samples, self._plan.simulations)
         self._single = samples if self._plan.learns else 0
+        # Not part of the protocol, so that a proposer of one's own needs none.
+        self._overlap: int = getattr(proposer, "overlap", 0)
         self._known: dict[int, Sample] = {}
         self._networks: dict[int, Future[Network | None]] = {}
 
@@ -129,11 +132,17 @@ class _Run:
         best = min(self._samples_before(iteration), key=lambda one: one.rank)
         return best.number < self._numbers(iteration - patience).start
 
+    def heard_ids(self, iteration: int) -> set[int]:
+        """Return the ids of the latest walks that the proposal of an iteration knows."""
+        first = self._numbers(max(0, iteration - 2)).start
+        heard = range(first, self._heard(iteration))
+        return {id_ for number in heard for id_ in self._ids(number)}
+
     def learn_ahead(self, iteration: int) -> None:
-        """Start to learn what this iteration and the next one use, as far as walks are known."""
-        wanted = range(iteration, min(iteration + 2, self.iterations))
-        for vintage in map(self._proposer.vintage, wanted):
-            if vintage < iteration:
+        """Start to learn what this iteration and the next ones use, as far as walks are known."""
+        for vintage in map(self._proposer.vintage, range(iteration, self.iterations)[:3]):
+            before = range(max(0, vintage - 2), vintage)
+            if vintage < iteration and all(map(self.is_complete, before)):
                 self._start_learning(vintage)
 
     def network(self, iteration: int) -> Network | None:
@@ -155,7 +164,8 @@ class _Run:
         """The candidates of an iteration."""
         if isinstance(network, Surrogate):
             self._runner.network = network
-        known, count = self._samples_before(iteration), len(self._numbers(iteration))
+        known = [self._sample(number) for number in range(self._heard(iteration))]
+        count = len(self._numbers(iteration))
         with single_thread():  # Once, not at each of a thousand predictions.
             proposal = self._proposer.propose(iteration, known, network, count)
         _check(proposal, self._settings.space, self._proposer.name, iteration, count)
@@ -216,6 +226,14 @@ class _Run:
             return range(number, number + 1)
         start = self._single + (number - self._single) * self._plan.replicas
         return range(start, start + self._plan.replicas)
+
+    def _heard(self, iteration: int) -> int:
+        """Return the number of samples that the proposal of an iteration knows.
+
+        Some of the batch before are still being simulated meanwhile, so that workers never wait.
+        """
+        before = self._numbers(iteration).start
+        return before - self._overlap if iteration > 1 else before
 
     def _samples_before(self, iteration: int) -> list[Sample]:
         stop = self._numbers(iteration).start

@@ -2,14 +2,14 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from drake_gait.errors import WorkerError
 from drake_gait.execution.base import Finished
-from drake_gait.problem import Trial
+from drake_gait.problem import Trial, evaluated
 from drake_gait.search.grounds import end_of_variation, on_ground
 from drake_gait.search.seeding import Purpose, generator
 from drake_gait.study.records import StudyWalk
@@ -64,6 +64,21 @@ class Planned:
     """What a network expects."""
 
 
+@dataclass(kw_only=True, eq=False)
+class _Batch:
+    """Walks that were started together."""
+
+    planned: Sequence[Planned]
+    """What they are for."""
+    walking: Iterator[Finished]
+    """Yields them."""
+    waiting: set[int] = field(init=False)
+    """Places of those that have not finished."""
+
+    def __post_init__(self) -> None:
+        self.waiting = set(range(len(self.planned)))
+
+
 @dataclass
 class Runner:
     """The walks of a study, known or under way."""
@@ -76,43 +91,62 @@ class Runner:
     """Every walk that is known, by its id."""
     network: Surrogate | None = field(init=False, default=None)
     """The latest network, for the report."""
-    _under_way: tuple[Sequence[Planned], Iterator[Finished]] = field(init=False)
+    _under_way: "list[_Batch]" = field(init=False, default_factory=list)
     _best: tuple[float, int] = field(init=False, default=(np.inf, -1))
     _counts: Counter[str] = field(init=False, default_factory=Counter)
     _failures: Counter[str] = field(init=False, default_factory=Counter)
 
     def __post_init__(self) -> None:
         self.walks = {walk.id: walk for walk in self.study.walks()}
-        self._under_way = (), iter(())
         for walk in self.walks.values():
             self._count(walk)
 
-    def start(self, planned: Iterable[Planned]) -> None:
-        """Start to simulate those that are not known yet, once the last ones are finished."""
-        self.finish()
+    def start(self, planned: Iterable[Planned], *, beside: bool = False) -> None:
+        """Start to simulate those that are not known yet.
+
+        Args:
+            planned: The walks.
+            beside: Whether others may still be under way; else they are finished first.
+        """
+        if not beside:
+            self.finish()
         missing = [one for one in planned if one.id not in self.walks]
         if missing:
-            self._under_way = missing, iter(self.evaluate([one.trial for one in missing]))
+            walking = iter(self.evaluate([self._asked(one) for one in missing]))
+            self._under_way.append(_Batch(planned=missing, walking=walking))
+
+    def wait(self, ids: Collection[int]) -> None:
+        """Wait for some of the walks that are under way, and keep each as it finishes."""
+        for batch in self._under_way:
+            wanted = {place for place, one in enumerate(batch.planned) if one.id in ids}
+            while wanted & batch.waiting:
+                self._take_next(batch)
+        self._under_way = [batch for batch in self._under_way if batch.waiting]
 
     def finish(self) -> None:
         """Wait for the walks that are under way, and keep each as it finishes."""
-        planned, walking = self._under_way
-        waiting = set(range(len(planned)))
-        for finished in walking:
-            if finished.index not in waiting:
-                raise WorkerError(
-                    f"the executor yields the walk {finished.index!r} of {len(planned)} trials, "
-                    "which is none, or was yielded before"
-                )
-            waiting.remove(finished.index)
-            _check(finished)
-            self._keep(planned[finished.index], finished)
-        self._under_way = (), iter(())
-        if waiting:
+        for batch in self._under_way:
+            while batch.waiting:
+                self._take_next(batch)
+        self._under_way = []
+
+    def _take_next(self, batch: "_Batch") -> None:
+        """Keep the next walk of a batch that finishes."""
+        planned, waiting = batch.planned, batch.waiting
+        finished = next(batch.walking, None)
+        if finished is None:
             raise WorkerError(
                 f"the executor ends without the walk {min(waiting)} of {len(planned)} trials; it "
                 "must yield every one, as diverged where it cannot be simulated"
             )
+        if finished.index not in waiting:
+            raise _unasked(finished, planned)
+        waiting.remove(finished.index)
+        _check(finished)
+        self._keep(planned[finished.index], finished)
+        if not waiting:
+            for more in batch.walking:
+                raise _unasked(more, planned)
 
     def begin(self, plan: Planned) -> Callable[[], StudyWalk]:
         """Start one walk beside others that are under way; return what waits for it.
@@ -121,7 +155,7 @@ class Runner:
         """
         if plan.id in self.walks:
             return lambda: self.walks[plan.id]
-        walking = iter(self.evaluate([plan.trial]))
+        walking = iter(self.evaluate([self._asked(plan)]))
 
         def wait() -> StudyWalk:
             for finished in walking:
@@ -129,6 +163,10 @@ class Runner:
             return self.walks[plan.id]
 
         return wait
+
+    def _asked(self, plan: Planned) -> Trial:
+        """Return the trial of a walk, with the quantities of the study's own."""
+        return replace(plan.trial, quantities=self.settings.quantities)
 
     def _keep(self, plan: Planned, finished: Finished) -> None:
         walk = StudyWalk(
@@ -138,7 +176,7 @@ class Runner:
             nominal=plan.nominal,
             variation=plan.variation,
             candidate=plan.trial.candidate,
-            walk=finished.walk,
+            walk=evaluated(finished.walk, self._asked(plan)),
             predicted=plan.predicted,
             seconds=finished.seconds,
         )
@@ -186,6 +224,14 @@ def _check(finished: Finished) -> None:
             f"the executor yields {seconds!r} seconds for trial {finished.index}; it must be a "
             "finite number"
         )
+
+
+def _unasked(finished: Finished, planned: Sequence[Planned]) -> WorkerError:
+    """Return the error of an executor that yields what nobody waits for."""
+    return WorkerError(
+        f"the executor yields the walk {finished.index!r} of {len(planned)} trials, "
+        "which is none, or was yielded before"
+    )
 
 
 def perturbed(trial: Trial, settings: StudySettings, nominal: int, variation: int) -> Trial:

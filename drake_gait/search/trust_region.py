@@ -7,6 +7,7 @@ import numpy as np
 from cmaes import CMA
 from scipy.spatial.distance import cdist
 
+from drake_gait.errors import SettingsError
 from drake_gait.gait import FloatArray
 from drake_gait.optimizers import isade
 from drake_gait.search.acquisition import Acquisition
@@ -53,6 +54,8 @@ class TrustRegion(NetworkProposer):
         network: Size of the networks, and how long they learn.
         tells_all: Tell the region all that it drew, with what is to be expected of it.
         isade_points: Points of a batch that ISADE finds.
+        overlaps: Propose a batch while half of the one before is still being simulated, so that
+            workers never wait. The region then learns of a batch one iteration later.
     """
 
     def __init__(
@@ -63,11 +66,15 @@ class TrustRegion(NetworkProposer):
         network: NetworkSettings | None = None,
         tells_all: bool = False,
         isade_points: int = 1,
+        overlaps: bool = True,
     ) -> None:
-        super().__init__(settings, network)
+        if tells_all and overlaps:
+            raise SettingsError("tells_all needs the latest batch; give overlaps=False with it")
+        super().__init__(settings, network, settings.search.batch // 2 if overlaps else 0)
         self._tells_all, self._isade_points = tells_all, isade_points
         self._isade, self._network = isade, network or NetworkSettings()
-        self.name = f"TrustRegion({self._isade}, {self._network}, {tells_all}, {isade_points})"
+        told = f"{tells_all}, {isade_points}, {overlaps}"
+        self.name = f"TrustRegion({self._isade}, {self._network}, {told})"
         self._region: CMA | None = None
         self._draws: FloatArray = np.empty((0, settings.space.dimension))
         self._started = 1
@@ -81,21 +88,22 @@ class TrustRegion(NetworkProposer):
             return self._unlearnt(iteration, count)
         while self._told < iteration:  # Also what a study did before it went on.
             self._told += 1
-            stop = self.samples + (self._told - 1) * self.batch
-            self._move(self._told, known[:stop])
+            # The region is told whole batches, each on one ground.
+            whole = self._told - (2 if self.overlap and self._told > 1 else 1)
+            self._move(self._told, whole, known[: self.samples + whole * self.batch])
         asked = self._learner.asked(network, iteration, known)
         x = self._chosen(asked, iteration, known)
         return Proposal(x=x[:count], stage="infill", network=asked)
 
-    def _move(self, iteration: int, known: Sequence[Sample]) -> None:
-        """Move the region by the last iteration, and draw from it."""
+    def _move(self, iteration: int, whole: int, known: Sequence[Sample]) -> None:
+        """Move the region by the latest of the batches that are whole, and draw from it."""
         space = self._settings.space
         if self._region is None:
             self._restart(iteration, self._elite(known), _STEP_OF_REGION)
         elif self._is_stuck(iteration, known):
             best = min(known, key=lambda one: one.rank)
             self._restart(iteration, space.encode(best.candidate), _STEP_OF_RESTART)
-        else:
+        elif whole:
             self._region.tell(self._told_of(iteration, known))
         region = cast(CMA, self._region)
         self._draws = np.array([region.ask() for _ in range(_DRAWS * self.batch)])

@@ -17,7 +17,7 @@ from pydrake.systems.primitives import VectorLogSink
 from drake_gait.errors import ModelError, SettingsError
 from drake_gait.foot import FootDesign
 from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray, joint_commands
-from drake_gait.problem import Candidate, Trial
+from drake_gait.problem import Candidate, Needs, Trial, evaluated
 from drake_gait.robot.description import RobotModel, read_model
 from drake_gait.robot.sdf import BASE
 from drake_gait.simulation.measures import measures_of
@@ -112,7 +112,8 @@ def walk_trial(trial: Trial, model: RobotModel | None = None) -> Walk:
         model: The robot as it was read, whatever the trial names.
     """
     settings = trial.settings if model is None else replace(trial.settings, model=model)
-    return simulate(trial.candidate, settings)
+    history = any(one.needs is Needs.HISTORY for one in trial.quantities)
+    return evaluated(simulate(trial.candidate, settings, history=history), trial)
 
 
 def follow(

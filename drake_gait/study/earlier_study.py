@@ -15,7 +15,7 @@ from drake_gait.foot import FootDesign
 from drake_gait.study._toml import as_toml
 from drake_gait.study.finalists import winner
 from drake_gait.study.keys import FOOT
-from drake_gait.study.ranking import best_walk
+from drake_gait.study.ranking import best_walk, search_walks
 from drake_gait.study.store import Study
 
 if TYPE_CHECKING:  # Settings are read from a winner.
@@ -75,7 +75,7 @@ def _of_database(
             settings, walks = settings_of(study.description()["settings"]), study.walks()
     except StudyError as error:
         raise SettingsError(str(error)) from None
-    searched = [walk for walk in walks if walk.is_search_walk]
+    searched = search_walks(walks)
     if not searched:
         return None
     robust = winner(settings, walks)

@@ -4,20 +4,18 @@ A key is declared here, once: reading, messages, and writing a file again follow
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from typing import Any
 
 from drake_gait.foot import N_MM_PER_DEG
 from drake_gait.gait import TERMS, WAVEFORMS
-from drake_gait.ranges import DEGREES, MS, NONE, Unit
+from drake_gait.problem import BUILT_IN, Quantity
+from drake_gait.ranges import DEGREES, MM, MS, NONE, RAD_PER_S, SECONDS, Unit
 from drake_gait.study.search_settings import CHANGES, SearchSettings
 
-MM = Unit(name="mm", si=1e-3)
 N_MM_DEG = Unit(name="N·mm/deg", si=N_MM_PER_DEG)
-N_M, JOULES, SECONDS = Unit(name="N·m"), Unit(name="J"), Unit(name="s")
-RAD_PER_S, N_M_PER_RAD = Unit(name="rad/s"), Unit(name="N·m/rad")
-N_M_S_PER_RAD = Unit(name="N·m·s/rad")
+N_M_PER_RAD, N_M_S_PER_RAD = Unit(name="N·m/rad"), Unit(name="N·m·s/rad")
 
 Table = Mapping[str, tuple[str, Unit]]
 """Keys of a section, with the field that each sets and the unit that it is in."""
@@ -26,30 +24,13 @@ SERVO: Table = {
     "stiffness_n_m_per_rad": ("stiffness", N_M_PER_RAD),
     "damping_n_m_s_per_rad": ("damping", N_M_S_PER_RAD),
     "no_load_speed_rad_per_s": ("no_load_speed", RAD_PER_S),
-    "coulomb_friction_n_m": ("coulomb_friction", N_M),
+    "coulomb_friction_n_m": ("coulomb_friction", Unit(name="N·m")),
     "load_friction": ("load_friction", NONE),
     "backlash_deg": ("backlash", DEGREES),
     "delay_ms": ("delay", MS),
     "voltage": ("voltage", NONE),
 }
-CONSTRAINTS: Table = {
-    "lateral_mm": ("lateral", MM),
-    "yaw_deg": ("yaw", DEGREES),
-    "com_height_mm": ("com_height", MM),
-    "energy_j": ("energy", JOULES),
-    "positive_energy_j": ("positive_energy", JOULES),
-    "cost_of_transport": ("cost_of_transport", NONE),
-    "peak_torque_n_m": ("peak_torque", N_M),
-    "peak_speed_rad_per_s": ("peak_speed", RAD_PER_S),
-    "saturated_fraction": ("saturated_fraction", NONE),
-    "slip_mm": ("slip", MM),
-    "clearance_mm": ("clearance", MM),
-    "duty_factor": ("duty_factor", NONE),
-    "peak_ground_reaction": ("peak_ground_reaction", NONE),
-    "toe_range_deg": ("toe_range", DEGREES),
-    "yaw_swing_deg": ("yaw_swing", DEGREES),
-    "torso_tilt_deg": ("torso_tilt", DEGREES),
-}
+CONSTRAINTS: Table = {one.key: (one.name, one.unit) for one in BUILT_IN.values()}
 CONFIRMATION: Table = {
     "walks": ("walks", NONE),
     "reference_walks": ("reference_walks", NONE),
@@ -80,7 +61,7 @@ WALK: Table = {
 BOX: Table = {"centre_deg": ("centre", DEGREES), "half_width_deg": ("half_width", DEGREES)}
 
 KEYS = {
-    "study": ("name", "question", "seed"),
+    "study": ("name", "question", "seed", "quantities"),
     "search": tuple(field.name for field in fields(SearchSettings)),
     "confirmation": tuple(CONFIRMATION),
     "box": ("chosen", "centre_deg", "centre_from", "half_width_deg"),
@@ -113,6 +94,7 @@ OLDER = {
     "servo.delay": 0.0,
     "servo.load_friction": 0.0,
     "servo.voltage": 1.0,
+    "study.quantities": "",
     "walk.engine": "drake",
     "walk.friction": 1.0,
     "walk.sole": "boxes",
@@ -135,20 +117,29 @@ _IN_FILE = {
 }
 
 
-def in_file(name: str) -> tuple[str, Unit]:
+def keys(own: Iterable[Quantity] = ()) -> dict[str, tuple[str, ...]]:
+    """Return every section of a study's file and its keys, those of own quantities too."""
+    return {**KEYS, "constraints": (*CONSTRAINTS, *(one.key for one in own))}
+
+
+def in_file(name: str, own: Iterable[Quantity] = ()) -> tuple[str, Unit]:
     """Return the key and the unit in a file of a setting that is named as in a description."""
+    for one in own:
+        if name == f"constraints.{one.name}":
+            return f"constraints.{one.key}", one.unit
     return _IN_FILE.get(name, (name, NONE))
 
 
-def difference(name: str, was: Any, now: Any) -> str:
+def difference(name: str, was: Any, now: Any, own: Iterable[Quantity] = ()) -> str:
     """Return how two values of a setting differ, as a file has them: "key = was, not now".
 
     Args:
         name: The setting, as a description names it.
         was: Its value in a study, in SI units.
         now: Its value now; of a table of coefficients the first that differs is told.
+        own: Quantities of the study's own.
     """
-    key, unit = in_file(name)
+    key, unit = in_file(name, own)
     tables = [isinstance(value, list) and len(value) == len(WAVEFORMS) for value in (was, now)]
     if name in ("box.centre", "box.half_width") and all(tables):
         places = [

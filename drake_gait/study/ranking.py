@@ -68,6 +68,11 @@ def robust_count(walks: int) -> int:
     return int(np.ceil(ROBUST_SHARE * walks))
 
 
+def search_walks(walks: Iterable[StudyWalk]) -> list[StudyWalk]:
+    """Return the walks that a search asked for, replicas included, without confirmations."""
+    return [walk for walk in walks if walk.is_search_walk]
+
+
 def nominal_walks(walks: Iterable[StudyWalk]) -> list[StudyWalk]:
     """The walks that a search proposed, without their variations."""
     return [walk for walk in walks if walk.is_nominal]

@@ -5,7 +5,7 @@ is SI. Unknown sections and keys are refused with the nearest one that exists.
 """
 
 import difflib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
@@ -19,6 +19,8 @@ from drake_gait.gait import Start
 from drake_gait.problem import (
     Constraints,
     DesignSpace,
+    Objective,
+    Quantity,
 )
 from drake_gait.ranges import check, choice
 from drake_gait.robot.description import located
@@ -31,6 +33,7 @@ from drake_gait.study._toml import (
     made,
     number,
     parse_toml,
+    text,
     texts,
     told_as_written,
 )
@@ -44,9 +47,19 @@ from drake_gait.study.keys import (
     MEASURED_CONFIRMATION,
     SERVO,
     WALK,
+    Table,
+    keys,
 )
+from drake_gait.study.own_quantities import load_quantities
 from drake_gait.study.search_settings import ConfirmationSettings, SearchSettings
-from drake_gait.study.settings import FRICTION, Source, StudySettings, study_settings
+from drake_gait.study.settings import (
+    FRICTION,
+    Source,
+    StudySettings,
+    limits_of,
+    require_own,
+    study_settings,
+)
 from drake_gait.walk import Engine, Fidelity, WalkSettings
 
 _OTHER_CENTRE = {"centre_from": "centre_deg", "centre_deg": "centre_from"}
@@ -62,6 +75,7 @@ def read_study(
     overrides: Mapping[tuple[str, str], Any] | None = None,
     *,
     begun: Callable[[str], Path] | None = None,
+    quantities: Sequence[Quantity] = (),
 ) -> StudySettings:
     """Read a study's TOML file.
 
@@ -70,6 +84,7 @@ def read_study(
         overrides: Values that take the place of those in the file, by section and key.
         begun: Folder of a study by its name: one that has begun there goes on around the gait that
             it began with, whatever has become of the study in `box.centre_from`.
+        quantities: Quantities of a user's own, beside those of the file's `study.quantities`.
 
     Raises:
         SettingsError: the file cannot be read, or a section, key or value cannot be used.
@@ -90,13 +105,16 @@ def read_study(
                 values[key] = str(whole_path(Path(), value))
             elif (section, key) == ("walk", "model") and isinstance(value, str):
                 values[key] = located(value, Path.cwd())  # From this folder, likewise.
+            elif (section, key) == ("study", "quantities") and value and isinstance(value, str):
+                values[key] = str(Path(value).absolute())
     try:
-        _check_sections(content)
+        own = _own_quantities(content, path.parent, quantities)
+        _check_sections(content, own)
         name = content.get("study", {}).get("name")
         folder = begun(name) if begun is not None and isinstance(name, str) else None
         content, origin, notes = resolve_centre(content, path.parent, folder, study_settings)
         source = replace(source, centre_from=origin)
-        return replace(_study(content, path.parent), source=source, notes=notes)
+        return replace(_study(content, path.parent, own), source=source, notes=notes)
     except SettingsError as error:
         changed = "".join(f", {section}.{key} set" for section, key in overrides or {})
         raise SettingsError(f"study {path}{changed}: {error}") from None
@@ -128,28 +146,70 @@ def read_override(text: str) -> tuple[tuple[str, str], Any]:
     return (section, key), found["value"] if len(found) == 1 else value
 
 
-def _check_sections(content: Mapping[str, Any]) -> None:
+def _own_quantities(
+    content: Mapping[str, Any], folder: Path, given: Sequence[Quantity]
+) -> tuple[Quantity, ...]:
+    """Return the quantities of a study's own: those that are given, and those of its file."""
+    study = content.get("study", {})
+    file = study.get("quantities", "") if isinstance(study, Mapping) else ""
+    text("study.quantities", file)
+    found = load_quantities(folder / file) if file else ()
+    own = tuple({one.name: one for one in (*found, *given)}.values())
+    require_own(own)
+    return own
+
+
+def _check_sections(content: Mapping[str, Any], own: Sequence[Quantity]) -> None:
     known("section", content, KEYS)
     for section, values in content.items():
         if not isinstance(values, Mapping):
             raise SettingsError(f"[{section}] must be a section, got {values!r}")
-        known(f"key of [{section}]", values, KEYS[section])
+        known(f"key of [{section}]", values, keys(own)[section])
 
 
-def _study(content: Mapping[str, Any], folder: Path) -> StudySettings:
+def _study(content: Mapping[str, Any], folder: Path, own: Sequence[Quantity]) -> StudySettings:
     study, box = dict(content.get("study", {})), _box(content.get("box", {}))
+    file = study.pop("quantities", "")
+    search = dict(content.get("search", {}))
+    if "objective" in search:
+        search["objective"] = Objective.read(search["objective"], own)
     texts("study", study, ("question",))
     if not isinstance(study.get("name"), str):
         raise SettingsError('[study] needs a name = "..."')
     return StudySettings(
         **study,
-        search=SearchSettings(**content.get("search", {})),
+        quantities=tuple(own),
+        quantities_from=str(folder / file) if file else "",
+        search=SearchSettings(**search),
         confirmation=_confirmation(content.get("confirmation", {})),
         space=_space(box, content),
         chosen=box.get("chosen", ""),
-        constraints=made(Constraints, "constraints", content, CONSTRAINTS),
+        constraints=_constraints(content.get("constraints", {}), own),
         walk=_walk(content, folder),
     )
+
+
+def _constraints(written: Mapping[str, Any], own: Sequence[Quantity]) -> Constraints:
+    table: Table = {**CONSTRAINTS, **{one.key: (one.name, one.unit) for one in own}}
+    values: dict[str, float | list[float]] = {}
+    for key, value in written.items():
+        name, unit = table[key]
+        if isinstance(value, list):
+            if len(value) != 2:
+                raise SettingsError(
+                    f"constraints.{key} must be a finite number, or [smallest, largest], got "
+                    f"{value!r}"
+                )
+            low, high = (number(f"constraints.{key}", end) for end in value)
+            if not low < high:
+                raise SettingsError(
+                    f"constraints.{key} must rise from smallest to largest, got {value!r}"
+                )
+            values[name] = [low * unit.si, high * unit.si]
+        else:
+            values[name] = number(f"constraints.{key}", value) * unit.si
+    with told_as_written("constraints", written, table):
+        return limits_of(values, own)
 
 
 def _box(values: Mapping[str, Any]) -> dict[str, Any]:

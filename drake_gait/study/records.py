@@ -1,7 +1,7 @@
 """One walk of a study, and its row in the study file."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime
 from typing import Any
@@ -11,7 +11,8 @@ import numpy as np
 from drake_gait.errors import GaitError, StudyError
 from drake_gait.foot import FootDesign
 from drake_gait.gait import Gait
-from drake_gait.problem import COEFFICIENTS, Candidate
+from drake_gait.problem import BUILT_IN, COEFFICIENTS, Candidate, Quantity
+from drake_gait.problem.quantities import JUMP
 from drake_gait.study.search_settings import MOST_SIMULATIONS
 from drake_gait.walk import Measures, Outcome, Walk
 
@@ -25,15 +26,10 @@ _FOOT = tuple(field.name for field in fields(FootDesign))
 _WALK = ("frames", "forward", "lateral", "yaw", "com_height")
 _PREDICTED = ("forward", "lateral", "yaw", "survival")
 
-_FEET = ("right", "left")
-_TOES = ("right_big", "right_lesser", "left_big", "left_lesser")
-_PARTS = {"slip": _FEET, "clearance": _FEET, "duty_factor": _FEET, "toe_range": _TOES}
-_MEASURES = {
-    field.name: tuple(f"{field.name}_{part}" for part in _PARTS.get(field.name, ()))
-    for field in fields(Measures)
-}
-"""Fields of Measures, and the columns of those that are tuples."""
-_MEASURE_NAMES = [name for field, parts in _MEASURES.items() for name in parts or (field,)]
+_MEASURES = {field.name: BUILT_IN[field.name].columns for field in fields(Measures)}
+"""Fields of Measures, and their columns."""
+_QUANTITIES = tuple(one for one in BUILT_IN.values() if one.name not in _WALK)
+"""Quantities that a walk may lack."""
 
 COLUMNS = (
     ["id integer primary key", "stage text not null", "iteration integer not null"]
@@ -41,7 +37,7 @@ COLUMNS = (
     + [f"{name} real not null" for name in (*COEFFICIENTS, *_FOOT)]
     + ["outcome text not null", "reason text not null", "frames integer not null"]
     + [f"{name} real not null" for name in _WALK[1:]]
-    + [f"{name} real" for name in _MEASURE_NAMES]
+    + [f"{name} real" for one in _QUANTITIES for name in one.columns]
     + [f"predicted_{name} real" for name in _PREDICTED]
     + ["seconds real not null", "finished text not null"]
 )
@@ -99,8 +95,13 @@ class StudyWalk:
         return self.nominal is None and not self.is_search_walk
 
 
-def to_row(entry: StudyWalk) -> list[Any]:
-    """The values of a walk's row, in the order of NAMES."""
+def own_names(own: Sequence[Quantity]) -> list[str]:
+    """Return the columns of quantities of a study's own, which follow NAMES."""
+    return [name for one in own for name in one.columns]
+
+
+def to_row(entry: StudyWalk, own: Sequence[Quantity] = ()) -> list[Any]:
+    """The values of a walk's row, in the order of NAMES and `own_names`."""
     walk, predicted = entry.walk, entry.predicted or {}
     return (
         [int(entry.id), entry.stage, int(entry.iteration), entry.nominal, int(entry.variation)]
@@ -108,32 +109,34 @@ def to_row(entry: StudyWalk) -> list[Any]:
         + [getattr(entry.candidate.foot, name) for name in _FOOT]
         + [walk.outcome.value, walk.reason, int(walk.frames)]
         + [float(getattr(walk, name)) for name in _WALK[1:]]
-        + _measure_values(walk)
+        + _values(walk, _QUANTITIES)
         + [predicted.get(name) for name in _PREDICTED]
         + [float(entry.seconds), datetime.now(UTC).isoformat(timespec="milliseconds")]
+        + _values(walk, own)
     )
 
 
-def require_types(row: Mapping[str, Any]) -> None:
+def require_types(row: Mapping[str, Any], own: Sequence[Quantity] = ()) -> None:
     """Refuse a row that a column's value does not fit; SQLite itself takes anything anywhere.
 
     Raises:
         StudyError: names the walk, the column and the value.
     """
-    for name, (kind, types, needed) in _CONTENTS.items():
+    others = dict.fromkeys(own_names(own), (*_TYPES["real"], False))
+    for name, (kind, types, needed) in {**_CONTENTS, **others}.items():
         value = row[name]
         if not isinstance(value, types) and (needed or value is not None):
             raise StudyError(f"walk {row['id']} has {name} = {_short(value)}, which is no {kind}")
 
 
-def from_row(row: Mapping[str, Any]) -> StudyWalk:
+def from_row(row: Mapping[str, Any], own: Sequence[Quantity] = ()) -> StudyWalk:
     """The walk of a row, given by its columns' names.
 
     Raises:
         StudyError: a value is not one that a walk can have; names the walk.
     """
     try:
-        return _walk_of(row)
+        return _walk_of(row, own)
     except GaitError as error:
         raise StudyError(f"walk {row['id']}: {error}") from None
 
@@ -150,7 +153,7 @@ def _outcome(text: str) -> Outcome:
         raise StudyError(f"outcome {_short(text)} is none of {', '.join(Outcome)}") from None
 
 
-def _walk_of(row: Mapping[str, Any]) -> StudyWalk:
+def _walk_of(row: Mapping[str, Any], own: Sequence[Quantity]) -> StudyWalk:
     coefficients = np.array([row[name] for name in COEFFICIENTS]).reshape(4, 4)
     predicted = {name: row[f"predicted_{name}"] for name in _PREDICTED}
     return StudyWalk(
@@ -169,6 +172,11 @@ def _walk_of(row: Mapping[str, Any]) -> StudyWalk:
             **{name: row[name] for name in _WALK},
             yaw_swing=row["yaw_swing"],
             measures=_measures(row),
+            values={
+                one.name: tuple(_number(row, name) for name in one.columns)
+                for one in (JUMP, *own)
+                if any(row[name] is not None for name in one.columns)
+            },
         ),
         predicted=None if predicted["forward"] is None else predicted,
         seconds=row["seconds"],
@@ -181,26 +189,26 @@ def _foot(row: Mapping[str, Any]) -> FootDesign:
     return FootDesign(**values)
 
 
-def _measure_values(walk: Walk) -> list[float | None]:
-    if walk.measures is None:
-        return [walk.yaw_swing if name == "yaw_swing" else None for name in _MEASURE_NAMES]
-    values = (getattr(walk.measures, field) for field in _MEASURES)
+def _values(walk: Walk, wanted: Sequence[Quantity]) -> list[float | None]:
+    """Return the values of quantities, one for each column; None where a walk does not tell it."""
     return [
-        float(number)
-        for value in values
-        for number in (value if isinstance(value, tuple) else (value,))
+        None if value is None else float(value)
+        for one in wanted
+        for value in one.values(walk) or [None] * len(one.columns)
     ]
 
 
+def _number(row: Mapping[str, Any], name: str) -> float:
+    return math.nan if row[name] is None else float(row[name])  # SQLite has no NaN.
+
+
 def _measures(row: Mapping[str, Any]) -> Measures | None:
-    if row[_MEASURE_NAMES[0]] is None:
+    if row["energy"] is None:
         return None
-
-    def number(name: str) -> float:
-        return math.nan if row[name] is None else float(row[name])  # SQLite has no NaN.
-
     values: dict[str, Any] = {
-        field: tuple(map(number, parts)) if parts else number(field)
-        for field, parts in _MEASURES.items()
+        field: tuple(_number(row, name) for name in columns)
+        if BUILT_IN[field].parts
+        else _number(row, field)
+        for field, columns in _MEASURES.items()
     }
     return Measures(**values)

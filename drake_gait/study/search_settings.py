@@ -76,9 +76,7 @@ class SearchSettings:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "mode", _one_of("search.mode", Mode, self.mode))
-        object.__setattr__(
-            self, "objective", _one_of("search.objective", Objective, self.objective)
-        )
+        object.__setattr__(self, "objective", Objective.read(self.objective))
         object.__setattr__(self, "risk", _one_of("search.risk", Risk, self.risk))
         if not isinstance(self.grounds, bool):
             raise SettingsError(f"search.grounds must be true or false, got {self.grounds!r}")
@@ -190,7 +188,7 @@ class ConfirmationSettings:
     """Tiers of changes that are not to be in their own, by the names of these fields."""
     own: tuple[Change, ...] = ()
     """Changes of a user's own."""
-    means: bool = False
+    means: bool = True
     """Whether means of neighbours, which the search never walked, are candidates too."""
     transfer: bool = True
     """Whether the winner is walked on the other sole and in the other engine."""

@@ -1,8 +1,8 @@
 """A study's settings: all that decides its walks, in SI units."""
 
 import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -11,10 +11,14 @@ from drake_gait.errors import SettingsError
 from drake_gait.foot import FootDesign
 from drake_gait.gait import Start
 from drake_gait.problem import (
-    OF_EVERY_WALK,
+    BUILT_IN,
     Assessment,
     Constraints,
     DesignSpace,
+    Limit,
+    Needs,
+    Objective,
+    Quantity,
     assess,
     quantities,
 )
@@ -27,6 +31,7 @@ from drake_gait.study._toml import (
     text,
 )
 from drake_gait.study.keys import KEYS, OLDER
+from drake_gait.study.records import NAMES
 from drake_gait.study.search_settings import ConfirmationSettings, Mode, SearchSettings
 from drake_gait.walk import Engine, Fidelity, Walk, WalkSettings
 
@@ -70,6 +75,10 @@ class StudySettings:
     """What makes a walk feasible."""
     walk: WalkSettings = field(default_factory=WalkSettings)
     """How a walk is simulated."""
+    quantities: tuple[Quantity, ...] = field(default=(), compare=False)
+    """Quantities beside those of the package; those of constraints and objective are added."""
+    quantities_from: str = field(default="", compare=False)
+    """The file that they were read from, if there is one."""
     source: Source | None = field(default=None, compare=False, repr=False)
     """The file that it was read from; no part of its description, as it changes no walk."""
     notes: tuple[str, ...] = field(default=(), compare=False, repr=False)
@@ -84,16 +93,52 @@ class StudySettings:
         if self.seed.bit_length() > MOST_BITS:
             raise SettingsError("study.seed must have at most 3900 digits")
         check("walk.friction", self.walk.friction, FRICTION)
+        used = (limit.quantity for limit in self.constraints.given)
+        named = {one.name: one for one in (*self.quantities, *used, self.search.objective.wanted)}
+        own = tuple(one for one in named.values() if one is not BUILT_IN.get(one.name))
+        require_own(own)
+        object.__setattr__(self, "quantities", own)
+
+    def with_quantities(self, own: Sequence[Quantity]) -> "StudySettings":
+        """Return the same settings with quantities, which take the place of those of their names.
+
+        Raises:
+            SettingsError: a name is taken.
+        """
+        by_name = {one.name: one for one in (*self.quantities, *own)}
+        objective, limits = self.search.objective, self.constraints.given
+        return replace(
+            self,
+            quantities=tuple(by_name.values()),
+            search=replace(
+                self.search,
+                objective=Objective(
+                    by_name.get(objective.wanted.name, objective.wanted),
+                    maximise=objective.maximise,
+                ),
+            ),
+            constraints=Constraints(
+                *(
+                    Limit(
+                        by_name.get(one.quantity.name, one.quantity),
+                        lower=one.lower,
+                        upper=one.upper,
+                    )
+                    for one in limits
+                )
+            ),
+        )
 
     @property
-    def outputs(self) -> tuple[str, ...]:
+    def outputs(self) -> tuple[Quantity, ...]:
         """What a network is to predict of a walk: `problem.OUTPUTS`, and what else is needed."""
         return quantities(self.constraints, self.search.objective)
 
     @property
     def trial_settings(self) -> WalkSettings:
         """How the walks of the search are simulated: with measures where they are needed."""
-        return replace(self.walk, measures=not set(self.outputs) <= set(OF_EVERY_WALK))
+        needed = (*self.outputs, *self.quantities)
+        return replace(self.walk, measures=any(one.needs is Needs.MEASURES for one in needed))
 
     @property
     def two_grounds(self) -> bool:
@@ -115,15 +160,21 @@ class StudySettings:
         walk.pop("measures")  # The objective and the constraints say it.
         start = walk.pop("start")
         nested = {
-            "study": {"name": self.name, "question": self.question, "seed": self.seed},
-            "search": asdict(self.search),
+            "study": {
+                "name": self.name,
+                "question": self.question,
+                "seed": self.seed,
+                "quantities": self.quantities_from,
+            },
+            "search": {one.name: getattr(self.search, one.name) for one in fields(self.search)}
+            | {"objective": str(self.search.objective)},
             "confirmation": self.confirmation.plain(),
             "box": {
                 "chosen": self.chosen,
                 "centre": self.space.centre.tolist(),
                 "half_width": self.space.half_width.tolist(),
             },
-            "constraints": asdict(self.constraints),
+            "constraints": self.constraints.plain(),
             "gait": {"start": start},
             "walk": {**walk, "model": str(self.walk.model)},
             "servo": servo,
@@ -139,23 +190,66 @@ class StudySettings:
         return plain
 
 
+def require_own(own: Sequence[Quantity]) -> None:
+    """Refuse quantities of a user's own whose columns a study file has already.
+
+    Raises:
+        SettingsError: names the quantity, and the names that are taken.
+    """
+    taken = set(NAMES)
+    for one in own:
+        for column in {one.name, *one.columns}:
+            if column in taken or column in BUILT_IN:
+                raise SettingsError(
+                    f"the quantity {one.name} needs another name: a study file has a column "
+                    f"'{column}' already"
+                )
+        taken |= {one.name, *one.columns}
+
+
+def limits_of(values: Mapping[str, Any], own: Sequence[Quantity] = ()) -> Constraints:
+    """Return the constraints of values [SI] by the names of quantities.
+
+    Raises:
+        SettingsError: there is no such quantity, or a value is none.
+    """
+    by_name = {one.name: one for one in own}
+    limits = [
+        Limit.at(by_name[name], value)
+        for name, value in values.items()
+        if name in by_name and value is not None
+    ]
+    return Constraints(
+        *limits, **{name: value for name, value in values.items() if name not in by_name}
+    )
+
+
 def study_settings(
-    description: Mapping[str, Any], source: Mapping[str, Any] | None = None
+    description: Mapping[str, Any],
+    source: Mapping[str, Any] | None = None,
+    own: Sequence[Quantity] = (),
 ) -> StudySettings:
     """Return the settings that `StudySettings.description` was taken from.
 
     Args:
         description: Every setting, as a study's file has them.
         source: The fields of their `Source`, where the study's file has it.
+        own: Quantities of the study's own.
     """
     nested: dict[str, dict[str, Any]] = {section: {} for section in KEYS}
     for name, value in {**OLDER, **description}.items():
         section, _, key = name.partition(".")
         nested[section][key] = value
     walk, box = nested["walk"], nested["box"]
+    search = nested["search"]
+    search["objective"] = Objective.read(search["objective"], own)
     return StudySettings(
-        **nested["study"],
-        search=SearchSettings(**nested["search"]),
+        name=nested["study"]["name"],
+        question=nested["study"]["question"],
+        seed=nested["study"]["seed"],
+        quantities=tuple(own),
+        quantities_from=nested["study"]["quantities"],
+        search=SearchSettings(**search),
         confirmation=ConfirmationSettings(**nested["confirmation"]),
         space=DesignSpace(
             centre=np.array(box["centre"]),
@@ -164,7 +258,7 @@ def study_settings(
             foot_ranges=tuple((name, low, high) for name, (low, high) in nested["design"].items()),
         ),
         chosen=box["chosen"],
-        constraints=Constraints(**nested["constraints"]),
+        constraints=limits_of(nested["constraints"], own),
         walk=WalkSettings(
             model=walk["model"],
             engine=choice(Engine, "walk.engine", walk["engine"]),

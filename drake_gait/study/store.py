@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drake_gait.errors import GaitError, StudyError
+from drake_gait.problem import Quantity
 from drake_gait.study._database import Database, damaged, write_new
 from drake_gait.study._lock import driver_lock
 from drake_gait.study.keys import OLDER, difference
@@ -37,6 +38,7 @@ from drake_gait.study.records import (
     NAMES,
     StudyWalk,
     from_row,
+    own_names,
     require_types,
     to_row,
 )
@@ -44,22 +46,29 @@ from drake_gait.study.settings import StudySettings, study_settings
 
 SCHEMA = 4
 _OLDEST = 2
-_SINCE_OLDEST = frozenset({"peak_ground_reaction"})
+_SINCE_OLDEST = frozenset({"peak_ground_reaction", "slip_ratio", "jump"})
 """Columns that a study of an older schema may lack."""
 _RENAMED = {"frames": "steps"}
 """Columns that had another name until schema 3, with that name."""
 
+QUANTITIES = "quantities"
+"""Key of a study under which the quantities of its own are, as `Quantity.plain` has them."""
 PROPOSER = "proposer"
 """Key of a study under which the name of a proposer is that was handed over."""
 
-_WORDS = {"study.question", "box.chosen", "walk.model"}
+_WORDS = {"study.question", "box.chosen", "walk.model", "study.quantities"}
 """Settings that change no walk: a study goes on when somebody mends their wording.
 
 A robot is its content, model_sha256, wherever its file is.
 """
 
+_LOOKS = {"label", "symbol", "digits", "limit"}
+"""What may change in a quantity of a study's own: its values are the same."""
+
 _BUDGET = "search.simulations"
 """The setting that may change in a study: its walks are the same, there are more or fewer."""
+_MORE = frozenset(f"confirmation.{name}" for name in ("means", "transfer", "transfer_distance"))
+"""Settings that may change too: walks are added to those that confirm, or counted otherwise."""
 
 _KINDS = {
     # No whole number stands for none.
@@ -73,6 +82,7 @@ _VALUES: dict[str, tuple[str, tuple[type, ...]]] = {
     "versions": ("table", (dict,)),
     "wall_s": ("number", (int, float)),
     PROPOSER: ("text", (str,)),
+    QUANTITIES: ("list", (list,)),
     "worker_deaths": ("table", (dict,)),
 }
 """Kinds of the values that the table `study` has, or may have."""
@@ -90,6 +100,7 @@ class Study:
     def __init__(self, path: Path, database: Database) -> None:
         self.path = path
         self._database = database
+        self._own: tuple[Quantity, ...] | None = None
 
     @classmethod
     def create(cls, path: Path, description: Mapping[str, Any]) -> Self:
@@ -189,7 +200,7 @@ class Study:
             if key not in found:
                 raise damaged(self.path, f"its settings have no {key}")
         try:
-            return study_settings(found, description.get("source"))
+            return study_settings(found, description.get("source"), self.quantities())
         except KeyError as error:
             why = f"the name {error} is missing, or unknown"
         except (GaitError, TypeError, ValueError, AttributeError) as error:
@@ -198,6 +209,22 @@ class Study:
             f"{self.path} has settings that this version cannot use ({why}); install the version "
             "that made it, or put back a copy"
         )
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Return the quantities of the study's own; they have values of its walks, and no other.
+
+        Raises:
+            StudyError: they cannot be read.
+        """
+        if self._own is not None:
+            return self._own
+        query = f"select key, value from study where key = '{QUANTITIES}'"
+        plain = self._decoded(query).get(QUANTITIES, [])
+        try:
+            self._own = tuple(Quantity.from_plain(one) for one in plain)
+            return self._own
+        except (GaitError, TypeError, ValueError, KeyError, AttributeError) as error:
+            raise damaged(self.path, f"its value of {QUANTITIES} is none: {error}") from None
 
     def _decoded(self, query: str) -> dict[str, Any]:
         """Values about the study, by their names."""
@@ -242,10 +269,11 @@ class Study:
             "give --out for another folder, or what the study began with",
         )
         now = wanted.get("settings", found["settings"])
+        self._require_quantities(wanted.get(QUANTITIES, []), found)
         was = {key: OLDER[key] for key in OLDER.keys() & now.keys()} | found["settings"]
-        for key in sorted((was.keys() | now.keys()) - _WORDS - {_BUDGET}):
+        for key in sorted((was.keys() | now.keys()) - _WORDS - _MORE - {_BUDGET}):
             if was.get(key) != now.get(key):
-                told = difference(key, was.get(key), now.get(key))
+                told = difference(key, was.get(key), now.get(key), self.quantities())
                 raise StudyError(f"{folder} holds a study with {told}; {cure}")
         if found["model_sha256"] != wanted["model_sha256"]:
             name = now.get("walk.model")
@@ -259,6 +287,44 @@ class Study:
             raise StudyError(
                 f"{folder} holds {used} walks already, more than {_BUDGET} = {now[_BUDGET]}; give "
                 f"{used} or more, or --out for another folder"
+            )
+
+    def _require_quantities(
+        self, wanted: Sequence[Mapping[str, Any]], description: Mapping[str, Any]
+    ) -> None:
+        """Refuse to go on with other quantities than those that the walks have values of."""
+        now, was = (
+            {one["name"]: one for one in some} for some in (wanted, description.get(QUANTITIES, []))
+        )
+        if now.keys() != was.keys():
+            has = f"the quantities {', '.join(was)}" if was else "no quantities of its own"
+            raise StudyError(
+                f"{self.path.parent} holds a study with {has}, not with "
+                f"{', '.join(now) or 'none'}; "
+                f"{_cure_of_quantities(description['settings'])}, or --out for another folder"
+            )
+        for name, one in now.items():
+            changed = [
+                key for key in one.keys() | was[name].keys() if one.get(key) != was[name].get(key)
+            ]
+            if words := sorted(set(changed) - _LOOKS):
+                raise StudyError(
+                    f"{self.path.parent} holds a study whose quantity {name} has {words[0]} = "
+                    f"{was[name].get(words[0])!r}, not {one.get(words[0])!r}; give it so, or --out "
+                    "for another folder"
+                )
+
+    def require_at_hand(self, quantities: Sequence[Quantity]) -> None:
+        """Refuse to simulate for quantities that are known from the study's file alone.
+
+        Raises:
+            StudyError: names them, and the file to give.
+        """
+        absent = [one.name for one in quantities if not one.at_hand]
+        if absent:
+            raise StudyError(
+                f"{self.path.parent} needs the quantities {', '.join(absent)} to go on; "
+                f"{_cure_of_quantities(self.description()['settings'])}"
             )
 
     def resize(self, simulations: int) -> None:
@@ -275,6 +341,16 @@ class Study:
                 "update study set value = ? where key = 'settings'", (json.dumps(settings),)
             )
             connection.execute("delete from study where key = 'finished'")
+
+    def adopt(self, wanted: Mapping[str, Any]) -> None:
+        """Keep the settings of `wanted` that add to a confirmation, unless it is finished."""
+        known = self.description()
+        settings = known["settings"]
+        if "finished" in known:
+            return
+        changed = {key: wanted[key] for key in _MORE & wanted.keys()}
+        if any(settings.get(key) != value for key, value in changed.items()):
+            self.set("settings", settings | changed)
 
     def _budget_used(self) -> int:
         """The smallest budget that has room for every walk."""
@@ -295,10 +371,11 @@ class Study:
         Raises:
             StudyError: the file cannot be written, or was moved; everything before is safe.
         """
-        row = to_row(entry)
+        own = self.quantities()
+        row, names = to_row(entry, own), _quoted([*NAMES, *own_names(own)])
         with self._database.writing() as connection:
             connection.execute(
-                f"insert into walks ({', '.join(NAMES)}) values ({', '.join('?' * len(row))})", row
+                f"insert into walks ({names}) values ({', '.join('?' * len(row))})", row
             )
 
     def rows(self) -> tuple[list[str], list[tuple[Any, ...]]]:
@@ -308,14 +385,16 @@ class Study:
             StudyError: a value is none that its column can have.
         """
         present = self._found()
-        columns = (_selected(name, present) for name in NAMES)
+        own = self.quantities()
+        names = [*NAMES, *own_names(own)]
+        columns = (_selected(name, present) for name in names)
         found = self._database.rows(f"select {', '.join(columns)} from walks order by id")
         try:
             for row in found:
-                require_types(dict(zip(NAMES, row, strict=True)))
+                require_types(dict(zip(names, row, strict=True)), own)
         except StudyError as error:
             raise damaged(self.path, error) from None
-        return list(NAMES), found
+        return names, found
 
     def table(self) -> dict[str, NDArray[Any]]:
         """All walks so far, in the order of their ids: `pandas.DataFrame(study.table())`.
@@ -328,7 +407,8 @@ class Study:
         names, rows = self.rows()
         columns = zip(*rows, strict=True) if rows else [()] * len(names)
         return {
-            name: _column(values, _KINDS[name]) for name, values in zip(names, columns, strict=True)
+            name: _column(values, _KINDS.get(name, "real"))
+            for name, values in zip(names, columns, strict=True)
         }
 
     def walks(self) -> list[StudyWalk]:
@@ -339,7 +419,8 @@ class Study:
         """
         names, rows = self.rows()
         try:
-            return [from_row(dict(zip(names, row, strict=True))) for row in rows]
+            own = self.quantities()
+            return [from_row(dict(zip(names, row, strict=True)), own) for row in rows]
         except StudyError as error:
             raise damaged(self.path, error) from None
 
@@ -358,7 +439,18 @@ def _selected(name: str, found: Set[str]) -> str:
     if name not in found and name in _SINCE_OLDEST:
         return f"null as {name}"
     was = _RENAMED.get(name, name)
-    return f"{was} as {name}" if name not in found and was in found else name
+    return f'"{was}" as "{name}"' if name not in found and was in found else f'"{name}"'
+
+
+def _quoted(names: Sequence[str]) -> str:
+    """Return the names of columns as SQL, which has words of its own."""
+    return ", ".join(f'"{name}"' for name in names)
+
+
+def _cure_of_quantities(settings: Mapping[str, Any]) -> str:
+    """Return how the quantities of a study are given."""
+    file = settings.get("study.quantities") or "my_quantities.py"
+    return f'give their file, --set study.quantities="{file}", or run_study(..., quantities=[...])'
 
 
 def _column(values: Sequence[Any], kind: str) -> NDArray[Any]:
@@ -383,9 +475,11 @@ def _require_file(path: Path) -> None:
 def _write_empty(path: Path, description: Mapping[str, Any]) -> None:
     """Write a study without walks."""
     rows = {"schema": SCHEMA, **description}
+    own = [Quantity.from_plain(one) for one in description.get(QUANTITIES, [])]
+    columns = [*COLUMNS, *(f'"{name}" real' for name in own_names(own))]
     tables = [
         ("create table study (key text primary key, value text)", ()),
-        (f"create table walks ({', '.join(COLUMNS)})", ()),
+        (f"create table walks ({', '.join(columns)})", ()),
     ]
     values = [
         ("insert into study values (?, ?)", (key, json.dumps(value))) for key, value in rows.items()

@@ -22,12 +22,16 @@ def study_toml(settings: StudySettings) -> str:
     """
     sections: dict[str, list[str]] = {section: [] for section in KEYS}
     for name, value in settings.description().items():
-        if value is None:
+        if value is None or (name == "study.quantities" and not value):
             continue
+        if name == "study.quantities":
+            value = str(Path(value).absolute())
         if name == "walk.model" and os.sep in value:
             value = str(Path(value).absolute())
-        key, unit = in_file(name)
+        key, unit = in_file(name, settings.quantities)
         section, _, short = key.partition(".")
+        if short not in KEYS[section]:  # A user's own changes are objects.
+            continue
         sections[section].append(f"{short} = {as_toml(value, unit)}")
     lines = [f"{_HEADER}{_origin(settings)}.", ""]
     for section, entries in sections.items():

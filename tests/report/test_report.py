@@ -154,7 +154,7 @@ def test_a_study_s_own_limits_stand_beside_the_paper_s(run, measures):
     page = written(dataclasses.replace(run, result=measured))
     assert "Eqs. 11–14 of the paper</dd>" in page
     assert "range of the torso's heading</dd>" in page
-    limits = dataclasses.replace(run.settings.constraints, yaw_swing=np.radians(20.0))
+    limits = run.settings.constraints.but(yaw_swing=np.radians(20.0))
     settings = dataclasses.replace(run.settings, constraints=limits)
     page = written(dataclasses.replace(run, result=measured, settings=settings))
     assert "Eqs. 11–14 of the paper; yaw swing</dd>" in page

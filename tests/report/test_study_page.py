@@ -1,11 +1,13 @@
 """What docs/reference/study.md says of settings and columns is what there is."""
 
+import importlib
 import re
 import tomllib
 
 import pytest
 
 from drake_gait.errors import SettingsError
+from drake_gait.problem import BUILT_IN
 from drake_gait.study.keys import KEYS
 from drake_gait.study.reading import default_study, read_override, read_study
 from drake_gait.study.store import SCHEMA, Study
@@ -43,6 +45,15 @@ def read(tmp_path):
         return read_study(path, dict([read_override(f"{name}={value}")]) if name else None)
 
     return read
+
+
+def test_the_tables_are_those_that_the_code_makes(page, repository, monkeypatch):
+    """`python tools/make_reference.py` writes them."""
+    monkeypatch.syspath_prepend(repository / "tools")
+    make_reference = importlib.import_module("make_reference")
+    assert make_reference.written(page) == page
+    for one in BUILT_IN.values():
+        assert page.count(f"\n| `{one.name}` | {one.symbol}") >= 1
 
 
 def test_the_page_has_every_setting_once(settings, page):

@@ -159,8 +159,8 @@ def confirmed_alone(settings, entry):
 
 @pytest.fixture(scope="module")
 def raced(study):
-    """A study whose race has room."""
-    return dataclasses.replace(study, confirmation=ConfirmationSettings(walks=120))
+    """A study whose race has room; its candidates are looked up, so that means are unknown."""
+    return dataclasses.replace(study, confirmation=ConfirmationSettings(walks=120, means=False))
 
 
 @pytest.fixture(scope="module")
@@ -208,18 +208,21 @@ def wide(raced):
 def test_a_candidate_is_dropped_at_its_second_failure_of_a_tier(wide, path):
     track = Track(wide)
     confirmed(wide, path, track)
-    assert track.tried(3) == [1, 2]  # Falls every time.
     assert track.tried(1) == list(range(1, 9))  # Falls the second time at its last walk.
-    assert track.tried(2, Tier.CONVERGED) == [1, 2, 3]
-    assert track.tried(9) == [1, 2, 3]
+    dropped = 0
     for number in range(1, CANDIDATES):  # The best single walk is walked in full.
         for tier in TESTS:
             first = tier.variations(wide.confirmation).start
-            fallen = [
-                n for n in track.tried(number, tier) if n + first - 1 in FRAGILE.get(number, ())
-            ]
-            assert len(fallen) <= 2
-            assert len(fallen) < 2 or fallen[1] == max(track.tried(number, tier))
+            tried = [n + first - 1 for n in track.tried(number, tier)]
+            fallen = [n for n in tried if n in FRAGILE.get(number, ())]
+            if len(fallen) >= 2:
+                dropped += 1
+                # Two may be under way when it is known.
+                assert len([n for n in tried if n > fallen[1]]) <= 2
+                assert tier is Tier.CONVERGED or not track.tried(number, Tier.CONVERGED)
+            else:
+                assert not fallen or len(tried) == 8
+    assert dropped >= 4
 
 
 def test_a_tier_is_tested_when_the_one_before_it_is_passed_and_its_law_is_seven_of_eight(
@@ -304,8 +307,10 @@ def test_where_none_repeats_nobody_wins(raced, path):
     walks = confirmed(raced, path, track)
     assert winner(raced, walks) is None
     assert {one.tier for one in finalists(raced, walks)} == {Tier.FOUND}
-    # Every candidate had its two walks, and the best single one all of them.
-    assert [len(track.tried(number)) for number in range(CANDIDATES)] == [8] + [2] * 19
+    # The best single one had all of them, every other two, and two that were under way.
+    counts = [len(track.tried(number)) for number in range(CANDIDATES)]
+    assert counts[0] == 8
+    assert all(2 <= count <= 4 for count in counts[1:])
 
 
 def test_the_confirmation_ends_when_nobody_promises_more_than_is_trusted(raced, path):
@@ -620,8 +625,9 @@ class Virtual:
         return self.work / (len(self.free) * max(self.free))
 
 
-@pytest.mark.parametrize(("workers", "share"), [(1, 0.999), (2, 0.97), (8, 0.7)])
+@pytest.mark.parametrize(("workers", "share"), [(1, 0.999), (2, 0.97), (8, 0.55)])
 def test_workers_are_kept_busy_to_the_end(raced, path, workers, share):
+    # Eight wait at times: the race has no more under way, and hears of them in order.
     clock = Virtual(Track(raced), workers)
     confirmed(raced, path, clock)
     assert clock.busy > share

@@ -82,6 +82,18 @@ def test_only_what_is_not_known_yet_is_simulated(study, opened):
     assert len(again.trials) == 3
 
 
+def test_batches_beside_each_other_are_kept_as_far_as_they_are_waited_for(study, opened):
+    runner = runner_of(study, opened, Ground(study.space))
+    runner.start(plans(study, 4))
+    runner.start(plans(study, 3, first=4), beside=True)
+    runner.wait({1, 2})
+    assert sorted(runner.walks) == [0, 1, 2]
+    runner.wait({1, 5})
+    assert sorted(runner.walks) == [0, 1, 2, 4, 5]
+    runner.finish()
+    assert sorted(runner.walks) == list(range(7))
+
+
 def test_starting_more_finishes_what_is_under_way(study, opened):
     runner = runner_of(study, opened, Ground(study.space))
     runner.start(plans(study, 3))

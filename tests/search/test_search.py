@@ -5,7 +5,16 @@ import threading
 
 import numpy as np
 import pytest
-from conftest import Ground, Interruption, fall_at, numbers, planned, run, walk_at
+from conftest import (
+    Ground,
+    Interruption,
+    fall_at,
+    numbers,
+    planned,
+    quick_proposer,
+    run,
+    walk_at,
+)
 
 from drake_gait.problem import assess
 from drake_gait.search import loop as search
@@ -63,6 +72,34 @@ def test_an_interrupted_study_that_goes_on_is_the_same_walk_for_walk(study, tmp_
     assert len(second.asked) == 55 - walks
 
 
+def test_a_batch_begins_before_the_one_before_has_ended(study, path):
+    ground, begun = Ground(study.space), []
+
+    def evaluate(trials):
+        begun.append(len(ground.asked))
+        return ground(trials)
+
+    with Study.create(path, {}) as opened:
+        search.search(study, opened, evaluate, proposer=quick_proposer(study))
+    # Batches of five; two walks of each are still missing. The first batch needs the whole design.
+    assert begun[:4] == [0, 40, 43, 48]
+
+
+def test_a_proposal_does_not_depend_on_walks_that_are_under_way(study, tmp_path):
+    def but_for(changed):
+        asked = iter(range(55))
+
+        def walk(x):
+            return fall_at(x) if next(asked) in changed else walk_at(x)
+
+        return walk
+
+    one = run(study, tmp_path / "one.db")
+    other = run(study, tmp_path / "other.db", Ground(study.space, but_for({43, 44})))
+    assert [walk.candidate for walk in one[:50]] == [walk.candidate for walk in other[:50]]
+    assert one[50].candidate != other[50].candidate
+
+
 def test_an_interrupted_study_does_not_wait_for_a_network(study, path, monkeypatch):
     interrupted, learned = threading.Event(), threading.Event()
 
@@ -76,8 +113,9 @@ def test_an_interrupted_study_does_not_wait_for_a_network(study, path, monkeypat
         "learning",
         lambda self, vintage: learn if vintage == 2 else learning(self, vintage),
     )
+    settings = planned(study, samples=40, simulations=60, batch=5)
     with pytest.raises(Interruption):
-        run(study, path, Ground(study.space, stop_after=47))
+        run(settings, path, Ground(study.space, stop_after=52))
     assert not learned.is_set()
     interrupted.set()
     assert learned.wait(60.0)
@@ -197,15 +235,16 @@ def test_sampling_on_ends_with_enough_survivors_for_a_network(study, tmp_path):
     def rarely(x):
         return walk_at(x) if x[0] > 0.1 else fall_at(x)
 
-    settings = planned(study, samples=20, simulations=60, batch=10)
+    settings = planned(study, samples=20, simulations=70, batch=10)
     walks = run(settings, tmp_path / "whole.db", Ground(settings.space, rarely))
     stages = [walk.stage for walk in walks]
     first = stages.index("infill")
     assert first > 20
-    # It is made while the ten walks before it are under way, and knows those before them.
+    # Its network is learnt while the ten walks before it are under way, before half of those before
+    # them have ended, and knows the others.
     survived = np.cumsum([walk.walk.survived for walk in walks])
-    assert survived[first - 11] >= surrogate.FEWEST_SURVIVORS
-    assert survived[first - 21] < surrogate.FEWEST_SURVIVORS
+    assert survived[first - 21] >= surrogate.FEWEST_SURVIVORS
+    assert survived[first - 31] < surrogate.FEWEST_SURVIVORS
     # Interrupted while it samples on, it is the same study.
     path = tmp_path / "parted.db"
     with pytest.raises(Interruption):

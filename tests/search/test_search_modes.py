@@ -154,7 +154,9 @@ def test_what_is_proposed_stays_within_the_limits(study, path, name):
 # --- proposers that a user hands over ------------------------------------------------------------
 
 HANDED = {
-    "all told": functools.partial(TrustRegion, network=QUICK_NETWORK, tells_all=True),
+    "all told": functools.partial(
+        TrustRegion, network=QUICK_NETWORK, tells_all=True, overlaps=False
+    ),
     "by isade": functools.partial(TrustRegion, network=QUICK_NETWORK, isade_points=3),
     "history": functools.partial(NetworkIsade, variant="history", network=QUICK_NETWORK),
 }

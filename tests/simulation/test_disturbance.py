@@ -75,7 +75,14 @@ def test_no_disturbance_changes_no_number():
 
 @pytest.mark.parametrize(
     "changes",
-    [{"joint_zeros": (0.0,) * 9}, {"joint_zeros": (1.0,) * 10}, {"voltage": 0.0}, {"mass": np.nan}],
+    [
+        {"joint_zeros": (0.0,) * 9},
+        {"joint_zeros": (1.0,) * 10},
+        {"voltage": 0.0},
+        {"mass": np.nan},
+        {"delay": -0.01},
+        {"delay": 0.2},
+    ],
 )
 def test_a_disturbance_that_no_robot_has_is_refused(changes):
     (name,) = changes

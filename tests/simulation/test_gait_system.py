@@ -51,6 +51,19 @@ def test_between_frames_the_desired_angles_run_straight(frame, part):
     assert state[:10] == pytest.approx(start + part * (end - start), abs=1e-9)
 
 
+@given(st.floats(0.0, 1.0))
+def test_before_the_first_frame_the_first_command_is_held(before):
+    assert (desired_state(GAIT.commands, -before)[:10] == GAIT.commands[0]).all()
+
+
+@given(st.floats(0.0, 4.0), st.floats(0.0, 0.1))
+def test_commands_with_a_delay_are_those_of_an_earlier_instant(time, delay):
+    system = GaitSystem()
+    context = context_of(system, GAIT.commands, time)
+    system.set_commands(context, GAIT.commands, lead=-delay)
+    assert (output(system, context) == desired_state(GAIT.commands, time - delay)).all()
+
+
 @given(frames)
 def test_a_time_one_rounding_before_a_frame_counts_as_the_frame(frame):
     # Sums of time steps miss the instants of frames by their last digits.

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from pydrake.math import RollPitchYaw
 
-from drake_gait.errors import SettingsError
+from drake_gait.errors import ModelError, SettingsError
 from drake_gait.foot import FootDesign
 from drake_gait.gait import FRAMES, JOINTS, Gait
 from drake_gait.problem import Candidate
-from drake_gait.robot.description import read_model
+from drake_gait.robot.description import models_folder, read_model
 from drake_gait.robot.sdf import BASE, TOE_HINGES
 from drake_gait.servo import Servo
 from drake_gait.simulation import simulate as seam
@@ -145,6 +145,8 @@ def test_a_standing_robot_presses_on_the_ground_with_its_weight(sole):
     assert walk.history.ground_reaction[-1, :, 2].sum() == pytest.approx(1.5 * 9.81, rel=1e-3)
     assert abs(walk.forward) + abs(walk.lateral) < 2e-3
     assert walk.measures.positive_energy < 0.1
+    assert walk.measures.duty_factor == (1.0, 1.0)
+    assert max(walk.measures.slip) < 1e-3
 
 
 def test_a_standing_robot_sinks_as_deep_as_in_drake():
@@ -268,3 +270,66 @@ def test_a_state_that_is_no_number_ends_a_walk_as_diverged(monkeypatch, tmp_path
     assert walk.outcome is Outcome.DIVERGED
     assert walk.failure == "solver"
     assert list(tmp_path.iterdir()) == []  # MuJoCo writes a log otherwise.
+
+
+SOFT = "<drake:compliant_hydroelastic />"
+MESHED = f"{SOFT}<drake:mesh_resolution_hint>0.02</drake:mesh_resolution_hint>"
+
+
+def own_robot(tmp_path, old, new):
+    """The shipped robot with other text in its file, as a model of MuJoCo."""
+    text = (models_folder() / "khr3hv.sdf").read_text(encoding="utf-8")
+    assert old in text
+    path = tmp_path / "mine.sdf"
+    path.write_text(text.replace(old, new).replace(SOFT, MESHED), encoding="utf-8")
+    return engine._model(PlantConfig(model=read_model(path), sole=Sole.POINTS), 0.001).model
+
+
+SHIN = "<box>\n            <size>0.038 0.03 0.038</size>\n          </box>"
+
+
+@pytest.mark.parametrize(
+    ("shape", "kind", "sizes"),
+    [
+        ("<sphere><radius>0.02</radius></sphere>", "SPHERE", [0.02]),
+        ("<cylinder><radius>0.02</radius><length>0.03</length></cylinder>", "CYLINDER",
+         [0.02, 0.015]),
+        ("<capsule><radius>0.02</radius><length>0.03</length></capsule>", "CAPSULE", [0.02, 0.015]),
+        ("<ellipsoid><radii>0.02 0.015 0.01</radii></ellipsoid>", "ELLIPSOID", [0.02, 0.015, 0.01]),
+    ],
+)  # fmt: skip
+def test_shapes_of_an_own_robot_are_the_same_shapes_in_mujoco(tmp_path, shape, kind, sizes):
+    model = own_robot(tmp_path, SHIN, shape)
+    shins = np.flatnonzero(model.geom_bodyid == model.body("shin_r").id)
+    assert [model.geom_type[geom] for geom in shins] == [getattr(mujoco.mjtGeom, f"mjGEOM_{kind}")]
+    assert model.geom_size[shins[0], : len(sizes)] == pytest.approx(sizes)
+    assert any(shins[0] in pair for pair in zip(model.pair_geom1, model.pair_geom2, strict=True))
+
+
+PAYLOAD = """<link name="payload"><pose relative_to="torso">0 0 0.2 0 0 0</pose><inertial>
+<mass>0.05</mass><inertia><ixx>1e-5</ixx><iyy>1e-5</iyy><izz>1e-5</izz></inertia></inertial></link>
+<joint name="mount" type="{kind}"><parent>torso</parent><child>payload</child>{axis}</joint>
+</model>"""
+AXIS = """<axis><xyz>0 0 1</xyz><limit><lower>-0.01</lower><effort>0</effort></limit>
+<dynamics><damping>3</damping></dynamics></axis>"""
+
+
+def test_a_payload_that_slides_slides_in_mujoco_with_the_stop_that_it_has(tmp_path):
+    model = own_robot(tmp_path, "</model>", PAYLOAD.format(kind="prismatic", axis=AXIS))
+    mount = model.joint("mount")
+    assert mount.type == mujoco.mjtJoint.mjJNT_SLIDE
+    assert model.dof_damping[mount.dofadr[0]] == 3.0
+    assert mount.range[0] == pytest.approx(-0.01)
+    assert mount.range[1] > 100.0
+    assert model.body_mass.sum() == pytest.approx(1.55)
+
+
+def test_what_is_bolted_to_a_link_weighs_and_moves_with_it(tmp_path):
+    model = own_robot(tmp_path, "</model>", PAYLOAD.format(kind="fixed", axis=""))
+    assert model.body_mass.sum() == pytest.approx(1.55)
+    assert model.nv == 20
+
+
+def test_a_joint_that_mujoco_has_no_word_for_is_refused_by_its_name(tmp_path):
+    with pytest.raises(ModelError, match=r"mine\.sdf: joint 'mount' is ball.*MuJoCo"):
+        own_robot(tmp_path, "</model>", PAYLOAD.format(kind="ball", axis=""))

@@ -25,7 +25,6 @@ def refusal(settings, **values):
         ("mode", 3, "default, isade-network, paper, isade, cmaes"),
         ("mode", None, "default, isade-network, paper, isade, cmaes"),
         ("mode", [], "default, isade-network, paper, isade, cmaes"),
-        ("objective", "speed", "distance, cost_of_transport"),
     ],
 )
 def test_a_choice_that_there_is_not_is_refused_with_those_that_there_are(name, value, known):
@@ -33,12 +32,19 @@ def test_a_choice_that_there_is_not_is_refused_with_those_that_there_are(name, v
     assert refusal(SearchSettings, **{name: value}) == expected
 
 
+@pytest.mark.parametrize("text", ["speed", "maximise", "least energy", "slip minimise", 3])
+def test_an_objective_that_is_no_quantity_is_refused_with_those_that_are(text):
+    said = refusal(SearchSettings, objective=text)
+    assert said.startswith("search.objective must be one of distance, lateral, ")
+    assert said.endswith(f"got {text!r}")
+
+
 @pytest.mark.parametrize("mode", Mode)
-@pytest.mark.parametrize("objective", Objective)
+@pytest.mark.parametrize("objective", [Objective.DISTANCE, Objective.COST_OF_TRANSPORT])
 def test_a_choice_may_be_given_by_its_word(mode, objective):
     found = SearchSettings(mode=str(mode), objective=str(objective))
     assert found.mode is mode
-    assert found.objective is objective
+    assert found.objective == objective
 
 
 @pytest.mark.parametrize("value", [0, -1, 2.5, 2.0, "2", True, math.nan, None])

@@ -98,12 +98,23 @@ def test_the_paper_s_study_is_the_paper_s(paper_study):
     assert (study.space.box == [-1.0, 1.0]).all()
 
 
-def test_the_default_study_is_the_paper_s_from_a_smooth_start_without_gaits_that_twist(paper_study):
+def test_the_default_study_is_the_paper_s_from_a_smooth_start_for_steps_that_do_not_slide(
+    paper_study,
+):
     paper, default = (read_study(path).description() for path in (paper_study, default_study()))
     changed = {key for key in default if default[key] != paper[key]}
-    told = {"study.name", "study.question", "box.chosen", "box.centre"}
-    assert changed == {*told, "gait.start", "constraints.yaw_swing"}
-    assert np.degrees(default["constraints.yaw_swing"]) == pytest.approx(20.0)
+    limits = {
+        "constraints.yaw_swing": np.radians(20.0),
+        "constraints.slip_ratio": 0.08,
+        "constraints.clearance": 0.002,
+        "constraints.peak_torque": 1.373,
+        "constraints.peak_speed": 7.48,
+    }
+    assert {name: default[name] for name in limits} == pytest.approx(limits)
+    assert all(paper[name] is None for name in limits)
+    told = {"study.name", "study.question", "box.chosen", "box.centre", "box.half_width"}
+    how = {"gait.start", "walk.step", "search.samples", "search.simulations"}
+    assert changed == {*told, *how, *limits}
 
 
 def test_every_committed_study_reads(repository):

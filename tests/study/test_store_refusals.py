@@ -291,6 +291,20 @@ def test_another_budget_is_accepted_while_it_has_room_for_every_walk(budgeted, s
     assert [walk.id for walk in budgeted.walks()] == [0, 3]
 
 
+def test_what_adds_to_a_confirmation_is_accepted_and_kept_while_it_is_not_finished(study):
+    settings = {**DESCRIPTION["settings"], "confirmation.mass": 0.03}
+    wanted = {**settings, "confirmation.means": True, "confirmation.transfer": True}
+    study.require({**DESCRIPTION, "settings": wanted})
+    study.adopt(wanted)
+    adopted = {**DESCRIPTION["settings"], "confirmation.means": True, "confirmation.transfer": True}
+    assert study.description()["settings"] == adopted
+    study.set("finished", True)
+    study.adopt({**wanted, "confirmation.means": False})
+    assert study.description()["settings"] == adopted
+    with pytest.raises(StudyError, match=r"confirmation\.mass = 0\.03, not 0\.05"):
+        study.require({**DESCRIPTION, "settings": {**wanted, "confirmation.mass": 0.05}})
+
+
 def test_a_budget_without_room_for_a_walk_is_refused_with_the_smallest_that_has(budgeted):
     settings = {**budgeted.description()["settings"], "search.simulations": 3}
     with pytest.raises(StudyError, match=r"holds 4 walks already.*simulations = 3; give 4 or more"):

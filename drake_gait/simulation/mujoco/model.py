@@ -93,8 +93,6 @@ class _Link:
     """Where it is in its parent, while the joint is at zero."""
     X_BJ: RigidTransform
     """Where the joint is in it."""
-    sign: float
-    """-1 where the joint's child is the one that is nearer to the torso."""
 
 
 def compiled(
@@ -229,7 +227,7 @@ def mjcf(
     elements = {torso.index(): base}
     hinges: dict[str, Element] = {}
     springs = _springs(robot, plant_context)
-    for link in _links(robot, plant_context):
+    for link in _links(robot):
         element = _body(elements[link.parent.index()], link.body, link.X_PB)
         elements[link.body.index()] = element
         if (hinge := _add_joint(element, link, springs, plant_context)) is not None:
@@ -255,35 +253,32 @@ def _body(parent: Element, body: RigidBody, X_PB: RigidTransform) -> Element:
     return element
 
 
-def _links(robot: Robot, plant_context: Context) -> Iterator[_Link]:
+def _links(robot: Robot) -> Iterator[_Link]:
     """Yield the links that hang on the torso, each after the one that it hangs on."""
     plant = robot.plant
     torso = plant.GetBodyByName(BASE)
-    joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
-    known = {plant.world_body().index(), torso.index()}
-    waiting = [joint for joint in joints if joint.child_body().index() != torso.index()
-               or joint.parent_body().index() != plant.world_body().index()]  # fmt: skip
+    known = {torso.index()}
+    waiting = [plant.get_joint(index) for index in plant.GetJointIndices()]
+    waiting = [joint for joint in waiting if joint.child_body().index() != torso.index()]
     while waiting:
-        ready = [
-            joint
-            for joint in waiting
-            if {joint.parent_body().index(), joint.child_body().index()} & known
-        ]
-        if not ready:  # Links that stand in the world by themselves, which `add_robot` refuses.
-            return
-        joint = ready[0]
-        waiting.remove(joint)
-        ends = [
-            (joint.parent_body(), joint.frame_on_parent().GetFixedPoseInBodyFrame()),
-            (joint.child_body(), joint.frame_on_child().GetFixedPoseInBodyFrame()),
-        ]
-        forward = ends[0][0].index() in known
-        (parent, X_PF), (body, X_BJ) = ends if forward else ends[::-1]
-        known.add(body.index())
-        yield _Link(
-            body=body, parent=parent, joint=joint, X_PB=X_PF @ X_BJ.inverse(), X_BJ=X_BJ,
-            sign=1.0 if forward else -1.0,
-        )  # fmt: skip
+        ready = [joint for joint in waiting if joint.parent_body().index() in known]
+        if not ready:
+            raise ModelError(
+                f": joint '{waiting[0].name()}' does not lead away from the '{BASE}'; let its "
+                "<parent> be the link that is nearer to it"
+            )
+        for joint in ready:
+            waiting.remove(joint)
+            known.add(joint.child_body().index())
+            X_PF = joint.frame_on_parent().GetFixedPoseInBodyFrame()
+            X_BJ = joint.frame_on_child().GetFixedPoseInBodyFrame()
+            yield _Link(
+                body=joint.child_body(),
+                parent=joint.parent_body(),
+                joint=joint,
+                X_PB=X_PF @ X_BJ.inverse(),
+                X_BJ=X_BJ,
+            )
 
 
 def _add_joint(
@@ -309,7 +304,7 @@ def _add_joint(
         name=joint.name(),
         type=kind,
         pos=_numbers(link.X_BJ.translation()),
-        axis=_numbers(link.sign * (link.X_BJ.rotation() @ axis)),
+        axis=_numbers(link.X_BJ.rotation() @ axis),
         damping=repr(float(cast(Any, joint).GetDampingVector(plant_context)[0])),
     )
     lower, upper = joint.position_lower_limits()[0], joint.position_upper_limits()[0]
