@@ -54,19 +54,29 @@ class Servo:
     no_load_speed: float = 7.48
     """Speed at which the motor has no torque left [rad/s]: 0.14 s/60 degrees, KRS-2552 data."""
     coulomb_friction: float = 0.0
-    """Dry friction of an unloaded gear [N·m]: K_c of model M1 of "Extended Friction Models for the
-    Physics Simulation of Servo Actuators" (Duclusaud et al., ICRA 2025)."""
+    """Dry friction of the gear without load [N·m].
+
+    K_c in model M1 of Duclusaud et al., "Extended Friction Models for the Physics Simulation of
+    Servo Actuators", ICRA 2025 (BAM).
+    """
     load_friction: float = 0.0
-    """Dry friction of a loaded gear, as a share of the motor's torque: the load-dependent term of
-    models M3 and M5 (ibid.), for the load of the motor alone."""
+    """Dry friction of the loaded gear, as a share of the motor's torque.
+
+    The motor's part of the load-dependent term in model M5 (ibid.). Friction by the load outside,
+    which is a term of its own there, is left out: it is not known before a step is made.
+    """
     backlash: float = 0.0
-    """Play between servo and joint, from end to end [rad]: within it the controller's spring does
-    not act, see `engaged`."""
+    """Play between servo and joint, from end to end [rad].
+
+    Within it the controller's spring does not act, see `engaged`.
+    """
     delay: float = 0.0
-    """Time from a command to its effect [s]: it is late by as much."""
+    """Time from a command to its effect [s]."""
     voltage: float = 1.0
-    """Supply voltage / rated voltage: factor on the stall torque and on the no-load speed, as for
-    every direct-current motor of given torque constant and resistance."""
+    """Supply voltage / rated voltage: factor on the stall torque and on the no-load speed.
+
+    Both are proportional to it in a motor of constant resistance and torque constant.
+    """
 
     def __post_init__(self) -> None:
         for field in fields(self):
