@@ -4,7 +4,8 @@ import argparse
 import math
 import sys
 
-from drake_gait.hardware.identification import Load, identify, read_servo_log
+from drake_gait.cli._signals import importing
+from drake_gait.hardware.servo_log import Load, read_servo_log
 
 
 def work(options: argparse.Namespace) -> None:
@@ -17,8 +18,10 @@ def work(options: argparse.Namespace) -> None:
         "no_load_speed": options.no_load_speed,
     }
     known = {name: value for name, value in given.items() if value is not None}
-    load = Load(inertia=options.inertia, **known)
-    found = identify(read_servo_log(options.log), load, str(options.log))
+    load, log = Load(inertia=options.inertia, **known), read_servo_log(options.log)
+    with importing():  # scipy, when it is known that there is something to fit.
+        from drake_gait.hardware.identification import identify
+    found = identify(log, load, str(options.log))
     print(found.section())
     print(
         f"{options.log}: the model is off by {math.degrees(found.rms):.2g} degrees (rms), the zero "

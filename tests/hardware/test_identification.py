@@ -10,7 +10,8 @@ from scipy.integrate import solve_ivp
 
 from drake_gait.cli import identify as command
 from drake_gait.errors import SettingsError
-from drake_gait.hardware.identification import Load, ServoLog, identify, read_servo_log, simulated
+from drake_gait.hardware.identification import identify, simulated
+from drake_gait.hardware.servo_log import Load, ServoLog, read_servo_log
 from drake_gait.servo import Servo
 
 LOAD = Load(inertia=0.004, gravity_torque=0.35, hanging=np.radians(10.0))
