@@ -88,7 +88,7 @@ class Servo:
 
     @property
     def has_friction(self) -> bool:
-        """Whether any dry friction acts."""
+        """True where dry friction acts."""
         return self.coulomb_friction > 0.0 or self.load_friction > 0.0
 
     def engaged(self, error: Any) -> Any:

@@ -52,7 +52,7 @@ class Estimate:
 
 @dataclass(frozen=True, kw_only=True)
 class Identification:
-    """What a log says of a servo."""
+    """A servo as a log shows it."""
 
     estimates: dict[str, Estimate]
     """Stiffness, damping, coulomb_friction and delay, as fields of Servo."""

@@ -24,7 +24,7 @@ _LEAST_MOTION = math.radians(3.0)
 
 @dataclass(frozen=True, kw_only=True)
 class Load:
-    """What the servo moves, and what is known of the servo."""
+    """The load that a servo moves, and the known numbers of the servo."""
 
     inertia: float
     """Inertia of the load about the joint's axis [kg·m²]."""
@@ -53,7 +53,7 @@ class Load:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ServoLog:
-    """What one servo was sent, and what it did."""
+    """Commands and measured angles of one servo."""
 
     times: FloatArray
     """Time of each row [s], shape (n,), rising."""

@@ -1,4 +1,4 @@
-"""What of the servos follows the motion, and is set before every step: dry friction and play.
+"""Dry friction and play of the servos, which follow the motion and are set before every step.
 
 Friction is a damper. CENIC has no dry friction in joints. A second actuator on a joint does not
 help: the solver limits the sum of both torques by one effort limit. Joint damping is implicit, and
