@@ -159,8 +159,9 @@ def _half_widths(jacobian: FloatArray, left: FloatArray) -> FloatArray:
     as those of a first-order autoregression, (1 - r) / (1 + r) of their number.
     """
     count, unknowns = jacobian.shape
-    variance = float(left @ left) / (count - unknowns)
-    correlation = float(left[1:] @ left[:-1] / max(left @ left, 1e-300))
+    power = float(left @ left)
+    variance = power / (count - unknowns)
+    correlation = float(left[1:] @ left[:-1]) / max(power, 1e-300)
     correlation = min(max(correlation, 0.0), 0.99)
     try:
         covariance = np.linalg.inv(jacobian.T @ jacobian)

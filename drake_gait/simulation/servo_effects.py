@@ -57,11 +57,10 @@ class DryFriction:
         plant_context = plant.GetMyMutableContextFromRoot(context)
         speeds = plant.GetVelocities(plant_context)[self._speeds]
         motors = self._motors(context) if servo.load_friction else self._idle
-        damping: FloatArray = self._own + servo.friction_limit(motors) / np.maximum(
-            np.abs(speeds), CREEP
-        )
-        for joint, value in zip(self._joints, damping.reshape(-1, 1), strict=True):
-            joint.SetDampingVector(plant_context, value)
+        friction = servo.friction_limit(motors) / np.maximum(np.abs(speeds), CREEP)
+        for joint, own, added in zip(self._joints, self._own, friction, strict=True):
+            damping: FloatArray = np.array([own + added])
+            joint.SetDampingVector(plant_context, damping)
         return EventStatus.DidNothing()
 
 
@@ -101,6 +100,7 @@ def _friction_of(robot: Robot) -> DryFriction:
         state = plant.GetPositionsAndVelocities(plant.GetMyContextFromRoot(context))
         asked = servo.stiffness * (desired - state[angles]) - servo.damping * state[speeds]
         held: FloatArray = np.clip(asked, -meter.stall, meter.stall)
-        return held - meter.back_emf * state[speeds]
+        found: FloatArray = held - meter.back_emf * state[speeds]
+        return found
 
     return DryFriction(plant, JOINTS, servo, motors)

@@ -335,7 +335,7 @@ def _in_steps(commands: FloatArray, step: float, delay: float = 0.0) -> FloatArr
     """
     steps = round(FRAME_TIME / step)
     if delay:
-        times: FloatArray = step * np.arange((len(commands) - 1) * steps) - delay
+        times: FloatArray = np.arange((len(commands) - 1) * steps, dtype=float) * step - delay
         late: FloatArray = commands_at(commands, times).reshape(len(commands) - 1, steps, -1)
         return late
     progress = np.arange(steps)[:, None] / steps
