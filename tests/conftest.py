@@ -185,7 +185,7 @@ def numbers(walks):
             walk.iteration,
             walk.candidate.gait.coefficients.tobytes(),
             dataclasses.astuple(walk.candidate.foot),
-            dataclasses.astuple(walk.walk),
+            dataclasses.astuple(dataclasses.replace(walk.walk, values={})),
             walk.predicted,
         )
         for walk in walks

@@ -36,7 +36,9 @@ def test_a_study_uses_exactly_its_budget_and_stores_every_walk_once(
     assert len({walk.candidate for walk in walks}) == simulations
     for walk in walks:
         expected = walk_at(settings.space.encode(walk.candidate))
-        assert dataclasses.astuple(walk.walk) == dataclasses.astuple(expected)
+        # The file knows the jump of every gait too.
+        simulated = dataclasses.replace(walk.walk, values={})
+        assert dataclasses.astuple(simulated) == dataclasses.astuple(expected)
     design = [walk for walk in walks if walk.stage == "design"]
     assert len(design) == samples
     assert all(walk.iteration == 0 and walk.predicted is None for walk in design)

@@ -76,7 +76,9 @@ def test_a_study_uses_its_budget_and_stores_each_walk_once(study, path, name):
     assert len({walk.candidate for walk in walks}) == len(walks)
     for walk in walks:
         expected = walk_at(settings.space.encode(walk.candidate))
-        assert dataclasses.astuple(walk.walk) == dataclasses.astuple(expected)
+        # The file knows the jump of every gait too.
+        simulated = dataclasses.replace(walk.walk, values={})
+        assert dataclasses.astuple(simulated) == dataclasses.astuple(expected)
 
 
 @pytest.mark.parametrize("name", PLANS)

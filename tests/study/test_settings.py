@@ -1,6 +1,7 @@
 """A study's settings, as a person writes them and as the library has them."""
 
 import json
+import math
 import re
 
 import numpy as np
@@ -9,6 +10,7 @@ from conftest import EVERY_KEY, MINIMAL
 
 from drake_gait.errors import SettingsError
 from drake_gait.gait import Start
+from drake_gait.servo import Servo
 from drake_gait.sole import Sole
 from drake_gait.study.reading import default_study, read_override, read_study
 from drake_gait.study.search_settings import SearchSettings
@@ -98,23 +100,29 @@ def test_the_paper_s_study_is_the_paper_s(paper_study):
     assert (study.space.box == [-1.0, 1.0]).all()
 
 
-def test_the_default_study_is_the_paper_s_from_a_smooth_start_for_steps_that_do_not_slide(
-    paper_study,
-):
+def test_the_default_study_has_limits_for_steps_beside_the_paper_s(paper_study):
     paper, default = (read_study(path).description() for path in (paper_study, default_study()))
-    changed = {key for key in default if default[key] != paper[key]}
-    limits = {
-        "constraints.yaw_swing": np.radians(20.0),
-        "constraints.slip_ratio": 0.08,
-        "constraints.clearance": 0.002,
-        "constraints.peak_torque": 1.373,
-        "constraints.peak_speed": 7.48,
+    for name in ("lateral", "yaw", "com_height"):
+        assert default[f"constraints.{name}"] == paper[f"constraints.{name}"]
+    own = {
+        "yaw_swing": math.radians(20.0),
+        "slip_ratio": 0.08,
+        "clearance": 0.002,
+        "peak_torque": 1.373,  # 14.0 kgf·cm, the stall torque of models/khr3hv.sdf
+        "peak_speed": Servo().no_load_speed,
     }
-    assert {name: default[name] for name in limits} == pytest.approx(limits)
-    assert all(paper[name] is None for name in limits)
-    told = {"study.name", "study.question", "box.chosen", "box.centre", "box.half_width"}
-    how = {"gait.start", "walk.step", "search.samples", "search.simulations"}
-    assert changed == {*told, *how, *limits}
+    for name, limit in own.items():
+        assert paper[f"constraints.{name}"] is None
+        assert default[f"constraints.{name}"] == pytest.approx(limit, rel=1e-3)
+    assert (default["gait.start"], paper["gait.start"]) == ("shift", "paper")
+
+
+def test_the_longer_study_is_the_default_one_but_for_its_budget(repository):
+    longer = read_study(repository / "studies" / "far.toml").description()
+    default = read_study(default_study()).description()
+    changed = {key for key in default if default[key] != longer[key]}
+    assert {key.split(".")[0] for key in changed} == {"study", "search", "confirmation", "box"}
+    assert [key for key in changed if key.startswith("box.")] == ["box.chosen"]
 
 
 def test_every_committed_study_reads(repository):

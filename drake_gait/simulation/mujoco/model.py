@@ -1,10 +1,9 @@
 """The robot of a Drake plant, written as a MuJoCo model: no number of it is kept twice.
 
 Links, joints, springs, dampers, servos and what may touch what are read from the plant and its
-context, after everything that settings change. Two things cannot be the same in both engines:
-
-- A contact's damping: Drake's grows with the force (Hunt and Crossley), MuJoCo's is linear.
-- Friction: MuJoCo has one coefficient a pair, Drake a static and a kinetic one.
+context, after everything that settings change. Two things cannot be the same in both engines.
+A contact's damping grows with the force in Drake (Hunt and Crossley), and is linear in MuJoCo.
+A pair has a static and a kinetic friction in Drake, and one in MuJoCo.
 
 Other laws of contact than those of soles and ground, as of a fallen robot's limbs, are MuJoCo's.
 """
@@ -66,7 +65,7 @@ GROUND = "ground"
 
 @dataclass(frozen=True, kw_only=True)
 class Hardness:
-    """What MuJoCo's contacts are besides what Drake's are.
+    """The properties of MuJoCo's contacts that Drake's have not.
 
     Chosen by measurement (docs/experiments/2026-11-27-engines.md); others are for comparisons.
     """
@@ -120,9 +119,9 @@ def compiled(
 def _soften(model: mujoco.MjModel, robot: Robot, plant_context: Context) -> None:
     """Give the contacts of soles and ground the stiffness and the damping of Drake's.
 
-    MuJoCo's law is f = D (a_ref - a), a_ref = -b v - k r, with D from an impedance d and from the
-    inertia at the contact. D k is the stiffness and D b the damping. D itself acts like a mass at
-    the contact: it is the least with which steps of this length are stable.
+    MuJoCo's law is f = D (a_ref - a), a_ref = -b v - k r. Its D comes from an impedance and from
+    the inertia at the contact. D k is the stiffness and D b the damping. D itself acts like a mass
+    at the contact: it is the least with which steps of this length are stable.
     """
     plant = robot.plant
     ground = ground_of(plant)
