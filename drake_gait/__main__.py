@@ -19,7 +19,17 @@ from drake_gait import __version__
 from drake_gait.cli._command import conduct
 from drake_gait.errors import SettingsError
 
-COMMANDS = ("optimize", "sweep", "replay", "report", "studies", "export", "play", "overlay")
+COMMANDS = (
+    "optimize",
+    "sweep",
+    "replay",
+    "report",
+    "studies",
+    "export",
+    "play",
+    "overlay",
+    "identify",
+)
 """Modules of `cli` that are commands."""
 
 

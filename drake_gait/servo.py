@@ -2,10 +2,28 @@
 
 import math
 from dataclasses import dataclass, fields
+from typing import Any
 
-from drake_gait.ranges import Range, check
+import numpy as np
+from numpy.typing import NDArray
 
-_RANGE = Range(lower=0.0, upper=1e6, open=True)
+from drake_gait.ranges import DEGREES, MS, NONE, Range, Unit, check
+
+_Array = NDArray[np.float64]
+
+_POSITIVE = Range(lower=0.0, upper=1e6, open=True)
+_LONGEST_DELAY = 0.1  # s
+_RANGES = {
+    "coulomb_friction": (Range(lower=0.0, upper=10.0), Unit(name="N·m")),
+    "load_friction": (Range(lower=0.0, upper=0.9), NONE),
+    "backlash": (Range(lower=0.0, upper=math.radians(10.0)), DEGREES),
+    "delay": (Range(lower=0.0, upper=_LONGEST_DELAY), MS),
+    "voltage": (Range(lower=0.5, upper=2.0), NONE),
+}
+"""What a field may be, with the unit that a message has it in; others are above 0."""
+
+CREEP = 0.005
+"""Speed below which dry friction grows in proportion to the speed [rad/s]: 0.3 degrees/s."""
 
 TRAVEL = math.radians(135.0)
 """How far a servo turns to either side of its middle [rad]: 270 degrees in all, KRS-2552 data."""
@@ -22,6 +40,11 @@ class Servo:
     1.51.1's CENIC would also take a desired speed, but with the wrong sign.
 
         torque = clip(stiffness * (q_d - q) - damping * v, ± stall) - stall * v / no_load
+
+    This is an ideal servo. Friction, backlash and delay make it a real one; they are off by
+    default. Friction takes from the torque of the motor, and never drives:
+
+        torque = motor - (coulomb_friction + load_friction * |motor|) * clip(v / CREEP, ± 1)
     """
 
     stiffness: float = 20.0
@@ -30,8 +53,68 @@ class Servo:
     """Damping by the controller [N·m·s/rad]."""
     no_load_speed: float = 7.48
     """Speed at which the motor has no torque left [rad/s]: 0.14 s/60 degrees, KRS-2552 data."""
+    coulomb_friction: float = 0.0
+    """Dry friction of the gear without load [N·m].
+
+    K_c in model M1 of Duclusaud et al., "Extended Friction Models for the Physics Simulation of
+    Servo Actuators", ICRA 2025 (BAM).
+    """
+    load_friction: float = 0.0
+    """Dry friction of the loaded gear, as a share of the motor's torque.
+
+    The motor's part of the load-dependent term in model M5 (ibid.). Friction by the load outside,
+    which is a term of its own there, is left out: it is not known before a step is made.
+    """
+    backlash: float = 0.0
+    """Play between servo and joint, from end to end [rad].
+
+    Within it the controller's spring does not act, see `engaged`.
+    """
+    delay: float = 0.0
+    """Time from a command to its effect [s]."""
+    voltage: float = 1.0
+    """Supply voltage / rated voltage: factor on the stall torque and on the no-load speed.
+
+    Both are proportional to it in a motor of constant resistance and torque constant.
+    """
 
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            check(f"servo {field.name}", value, _RANGE)
+            allowed, unit = _RANGES.get(field.name, (_POSITIVE, NONE))
+            # In a file's unit, as `reading` tells it; programs have SI units.
+            si = Unit(name={"degrees": "rad", "ms": "s"}.get(unit.name, unit.name))
+            check(f"servo {field.name}", value, allowed, si)
+
+    @property
+    def has_friction(self) -> bool:
+        """True where dry friction acts."""
+        return self.coulomb_friction > 0.0 or self.load_friction > 0.0
+
+    def engaged(self, error: Any) -> Any:
+        """Return the part of an error of the angle [rad] that winds up the controller's spring.
+
+        The joint is free within its play. The servo's side of it is taken to follow the command at
+        once, without a shock where the play ends.
+        """
+        if self.backlash == 0.0:
+            return error
+        return error - np.clip(error, -0.5 * self.backlash, 0.5 * self.backlash)
+
+    def friction_limit(self, motor: _Array) -> _Array:
+        """Return the most that dry friction can hold [N·m].
+
+        Args:
+            motor: Torque of the motor, the back-EMF taken off [N·m], any shape.
+        """
+        limit: _Array = self.coulomb_friction + self.load_friction * np.abs(motor)
+        return limit
+
+    def friction_torque(self, motor: _Array, speed: _Array) -> _Array:
+        """Return the torque of dry friction on a joint [N·m].
+
+        Args:
+            motor: Torque of the motor, the back-EMF taken off [N·m], any shape.
+            speed: Speed of the joint [rad/s], the same shape.
+        """
+        return -self.friction_limit(motor) * np.clip(speed / CREEP, -1.0, 1.0)

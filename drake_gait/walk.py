@@ -167,6 +167,11 @@ class WalkSettings:
             )
 
     @property
+    def delay(self) -> float:
+        """Time by which the servos act on every command late [s]."""
+        return self.servo.delay + (self.disturbance.delay if self.disturbance else 0.0)
+
+    @property
     def stepping(self) -> Integrator:
         """The integrator to use."""
         if self.integrator is not None:

@@ -6,6 +6,8 @@ import re
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from drake_gait.errors import SettingsError
 from drake_gait.servo import Servo
@@ -26,11 +28,48 @@ def test_the_default_servo_gives_its_stall_torque_as_far_off_the_command_as_its_
     assert np.degrees(STALL_TORQUE / Servo().stiffness) == pytest.approx(float(said[1]), abs=0.05)
 
 
-@pytest.mark.parametrize("name", FIELDS)
+@pytest.mark.parametrize("name", ["stiffness", "damping", "no_load_speed"])
 @pytest.mark.parametrize("value", [np.nan, 0.0, -1.0, np.inf, 1e6])
-def test_an_unusable_value_of_a_servo_is_refused_by_its_name(name, value):
+def test_an_unusable_gain_of_a_servo_is_refused_by_its_name(name, value):
     with pytest.raises(SettingsError, match=rf"servo {name} must be > 0.*got {value}"):
         Servo(**{name: value})
+
+
+@pytest.mark.parametrize("name", FIELDS[3:])
+@pytest.mark.parametrize("value", [np.nan, -0.01, np.inf, 11.0])
+def test_an_unusable_imperfection_of_a_servo_is_refused_by_its_name(name, value):
+    with pytest.raises(SettingsError, match=rf"servo {name} must be \S+ to .*got {value}"):
+        Servo(**{name: value})
+
+
+def test_a_servo_is_ideal_unless_it_is_told_otherwise():
+    speeds, motors = np.linspace(-9.0, 9.0, 19), np.linspace(-2.0, 2.0, 19)
+    assert not Servo().has_friction
+    assert (Servo().friction_torque(motors, speeds) == 0.0).all()
+    assert (Servo().engaged(motors) == motors).all()
+    assert (Servo().delay, Servo().voltage) == (0.0, 1.0)
+
+
+@given(
+    friction=st.floats(0.0, 10.0),
+    share=st.floats(0.0, 0.9),
+    motor=st.floats(-5.0, 5.0),
+    speed=st.floats(-20.0, 20.0),
+)
+def test_friction_never_drives_and_never_turns_a_motor_s_torque_beyond_its_own(
+    friction, share, motor, speed
+):
+    servo = Servo(coulomb_friction=friction, load_friction=share)
+    torque = float(servo.friction_torque(np.array(motor), np.array(speed)))
+    assert torque * speed <= 0.0
+    assert abs(torque) <= friction + share * abs(motor)
+
+
+@given(error=st.floats(-1.0, 1.0), backlash=st.floats(0.0, 0.17))
+def test_play_takes_half_of_it_from_an_error_and_leaves_its_sign(error, backlash):
+    found = Servo(backlash=backlash).engaged(error)
+    assert abs(found) == pytest.approx(max(abs(error) - 0.5 * backlash, 0.0), abs=1e-12)
+    assert found * error >= 0.0
 
 
 def test_servos_hash_alike_when_their_fields_are():

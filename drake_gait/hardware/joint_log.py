@@ -1,7 +1,7 @@
 """Joint angles that were measured on a robot, beside the simulated ones."""
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -48,15 +48,45 @@ def read_joint_log(path: Path) -> JointLog:
     Raises:
         SettingsError: it cannot be read, has no such columns, or a cell is no number; names it.
     """
-    rows = list(csv.reader(read_text(path, "the log").splitlines()))
-    header = [name.strip() for name in rows[0]] if rows else []
+    rows, header = _rows(path)
     joints = [name for name in JOINTS if name in header]
     if TIME not in header or not joints:
         raise SettingsError(
             f"{path} has no column '{TIME}', or none of a joint; its first line must name "
             f"{TIME} and some of {', '.join(JOINTS)}"
         )
-    names = [TIME, *joints]
+    columns = _columns(path, rows, header, [TIME, *joints])
+    angles = {name: np.radians(column) for name, column in zip(joints, columns[1:], strict=True)}
+    return JointLog(times=columns[0], angles=angles)
+
+
+def read_columns(path: Path, names: Sequence[str]) -> FloatArray:
+    """Read a column `time_s`, and others by their names, of a CSV file.
+
+    Returns:
+        The columns, the times first, shape (1 + len(names), n).
+
+    Raises:
+        SettingsError: it cannot be read, lacks a column, or a cell is no number; names it.
+    """
+    rows, header = _rows(path)
+    wanted = [TIME, *names]
+    missing = [name for name in wanted if name not in header]
+    if missing:
+        raise SettingsError(
+            f"{path} has no column '{missing[0]}'; its first line must name {', '.join(wanted)}"
+        )
+    return _columns(path, rows, header, wanted)
+
+
+def _rows(path: Path) -> tuple[list[list[str]], list[str]]:
+    """Return the rows of a file, and the names in the first of them."""
+    rows = list(csv.reader(read_text(path, "the log").splitlines()))
+    return rows, [name.strip() for name in rows[0]] if rows else []
+
+
+def _columns(path: Path, rows: list[list[str]], header: list[str], names: list[str]) -> FloatArray:
+    """Return named columns as numbers, the first one rising."""
     table = [
         [_cell(path, line, name, row, header.index(name)) for name in names]
         for line, row in enumerate(rows[1:], 2)
@@ -64,15 +94,14 @@ def read_joint_log(path: Path) -> JointLog:
     ]
     if len(table) < 2:
         raise SettingsError(f"{path} has {len(table)} rows of numbers; at least 2 are needed")
-    columns = np.array(table).T
+    columns: FloatArray = np.array(table).T
     falling = np.flatnonzero(np.diff(columns[0]) <= 0.0)
     if len(falling):
         raise SettingsError(
             f"{path}: {TIME} must rise, but {columns[0][falling[0] + 1]:g} follows "
             f"{columns[0][falling[0]]:g}"
         )
-    angles = {name: np.radians(column) for name, column in zip(joints, columns[1:], strict=True)}
-    return JointLog(times=columns[0], angles=angles)
+    return columns
 
 
 def _cell(path: Path, line: int, name: str, row: list[str], place: int) -> float:

@@ -7,6 +7,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from drake_gait.gait import FRAME_TIME, FRAMES, JOINTS, FloatArray
+from drake_gait.servo import Servo
 
 
 def desired_state(commands: FloatArray, time: float) -> FloatArray:
@@ -52,8 +53,12 @@ class GaitSystem(LeafSystem):
         MultibodyPlant.get_desired_state_input_port() takes them.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, servo: Servo | None = None) -> None:
+        """Declare the port, for servos whose play lets the joints be; by default without play."""
         super().__init__()
+        self._servo = servo or Servo()
+        nowhere: FloatArray = np.zeros(len(JOINTS))
+        self._angles = self.DeclareNumericParameter(BasicVector(nowhere))
         self.set_name("gait")
         # One parameter and full rows: this port is asked in every step of a walk.
         standing = np.zeros((FRAMES + 1, 2 * len(JOINTS))), 0.0
@@ -72,7 +77,16 @@ class GaitSystem(LeafSystem):
         value = AbstractValue.Make((_with_rates(np.asarray(commands, dtype=float)), lead))
         context.get_mutable_abstract_parameter(self._sent).SetFrom(value)
 
+    def set_angles(self, context: Context, angles: FloatArray) -> None:
+        """Put the joints' angles [rad], shape (10,), into this system's context, for its play."""
+        context.get_mutable_numeric_parameter(self._angles).SetFromVector(angles)
+
     def _calc_desired_state(self, context: Context, output: BasicVector) -> None:
         parameter: Any = context.get_abstract_parameter(self._sent)
         states, lead = parameter.get_value()
-        output.SetFromVector(_between_frames(states, context.get_time() + lead))
+        desired = _between_frames(states, context.get_time() + lead)
+        if self._servo.backlash:
+            # The spring sees what is left of the error beyond the play.
+            angles = context.get_numeric_parameter(self._angles).value()
+            desired[: len(JOINTS)] = angles + self._servo.engaged(desired[: len(JOINTS)] - angles)
+        output.SetFromVector(desired)

@@ -40,11 +40,14 @@ class Meter:
         np.empty(_LARGE_BLOCK)
         self._kinematics = Kinematics(plant)
         self._servo = config.servo
-        self._stall: FloatArray = np.array(
+        self.stall: FloatArray = np.array(
             [plant.GetJointActuatorByName(name).effort_limit() for name in JOINTS]
         )
+        """Largest torque of each controller [N·m], shape (10,)."""
         # Stall torque and no-load speed both scale with the voltage: their ratio stays.
-        self._back_emf = self._stall / (config.voltage * config.servo.no_load_speed)
+        voltage = config.voltage * config.servo.voltage
+        self.back_emf: FloatArray = self.stall / (voltage * config.servo.no_load_speed)
+        """Torque that each motor loses to its speed [N·m·s/rad], shape (10,)."""
         joints = [plant.GetJointByName(name) for name in JOINTS]
         self._angles = [joint.position_start() for joint in joints]
         self._speeds = [plant.num_positions() + joint.velocity_start() for joint in joints]
@@ -60,7 +63,13 @@ class Meter:
         self._gravity = float(np.abs(plant.gravity_field().gravity_vector()[2]))
 
     def record(
-        self, time: FloatArray, states: FloatArray, commands: FloatArray, mass: float = 1.0
+        self,
+        time: FloatArray,
+        states: FloatArray,
+        commands: FloatArray,
+        mass: float = 1.0,
+        *,
+        delay: float = 0.0,
     ) -> Record:
         """Return what is known of a walk.
 
@@ -69,12 +78,16 @@ class Meter:
             states: Positions, then velocities, of the plant at them, shape (n_q + n_v, n).
             commands: What the servos were sent [rad], shape (241, 10), one row a frame.
             mass: Factor on the mass of every link.
+            delay: Time by which the servos act on a command late [s].
         """
-        frames = _frames(time)
+        frames, servo = _frames(time), self._servo
         speeds = states[self._speeds]
-        error = commands_at(commands, time).T - states[self._angles]
-        asked = self._servo.stiffness * error - self._servo.damping * speeds
-        controllers = np.clip(asked, -self._stall[:, None], self._stall[:, None])
+        error = servo.engaged(commands_at(commands, time - delay).T - states[self._angles])
+        asked = servo.stiffness * error - servo.damping * speeds
+        controllers = np.clip(asked, -self.stall[:, None], self.stall[:, None])
+        torques = controllers - self.back_emf[:, None] * speeds
+        if servo.has_friction:
+            torques = torques + servo.friction_torque(torques, speeds)
         motions = self._kinematics.motions(states.astype(_PRECISION))
         pressed = [tread.load(motions[link]) for link, tread, _ in self._plates]
         at_frames = {link: motion.at(frames) for link, motion in motions.items()}
@@ -86,8 +99,8 @@ class Meter:
             frames=frames,
             speeds=speeds,
             controllers=controllers,
-            torques=controllers - self._back_emf[:, None] * speeds,
-            stall=self._stall,
+            torques=torques,
+            stall=self.stall,
             loads=np.array([load for load, _ in pressed]),
             sliding=np.array([sliding for _, sliding in pressed]),
             toes=states[self._toes][:, frames] if self._toes else np.zeros((4, len(frames))),

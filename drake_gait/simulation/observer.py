@@ -45,7 +45,13 @@ class Observer:
     """Collects a History and Measures: `record` every frame, `monitor` every step."""
 
     def __init__(
-        self, robot: Robot, commands: FloatArray, sent: FloatArray | None = None, mass: float = 1.0
+        self,
+        robot: Robot,
+        commands: FloatArray,
+        *,
+        sent: FloatArray | None = None,
+        mass: float = 1.0,
+        delay: float = 0.0,
     ) -> None:
         """Watch a robot.
 
@@ -54,16 +60,18 @@ class Observer:
             commands: What it follows [rad], shape (241, 10).
             sent: What its servos get, where it differs.
             mass: Factor on the mass of every link.
+            delay: Time by which the servos act on a command late [s].
         """
         self._robot, self._commands, self._mass_factor = robot, commands, mass
-        servo = robot.config.servo
+        servo = self._servo = robot.config.servo
         sent = commands if sent is None else sent
         plant = robot.plant
         # A copy to read from: the caches of the simulated context lag behind its state by up to a
         # step of CENIC's, and reading must not change what is simulated.
         self._context = default_context(robot.diagram)
         self._plant_context = plant.GetMyMutableContextFromRoot(self._context)
-        robot.gait.set_commands(robot.gait.GetMyMutableContextFromRoot(self._context), sent)
+        self._gait_context = robot.gait.GetMyMutableContextFromRoot(self._context)
+        robot.gait.set_commands(self._gait_context, sent, lead=-delay)
         self._torso = plant.GetBodyByName(BASE)
         self._ankles = [plant.GetBodyByName(name) for name in ANKLES]
         joints = [plant.GetJointByName(name) for name in JOINTS]
@@ -79,7 +87,8 @@ class Observer:
         self._stall: FloatArray = np.array(
             [plant.GetJointActuatorByName(name).effort_limit() for name in JOINTS]
         )
-        self._back_emf: FloatArray = self._stall / (robot.config.voltage * servo.no_load_speed)
+        voltage = robot.config.voltage * servo.voltage
+        self._back_emf: FloatArray = self._stall / (voltage * servo.no_load_speed)
         self._feet = [[plant.GetBodyByName(f"{link}_{side}") for link in FOOT_LINKS]
                       for side in SIDES]  # fmt: skip
         self._corners = [[sole_corners(robot, body) for body in foot] for foot in self._feet]
@@ -190,6 +199,7 @@ class Observer:
         state = plant.GetPositionsAndVelocities(plant.GetMyContextFromRoot(context))
         self._context.SetTime(context.get_time())
         plant.SetPositionsAndVelocities(self._plant_context, state)
+        self._robot.gait.set_angles(self._gait_context, state[self._joint_positions])
         return self._plant_context
 
     def _toe_angles(self, positions: FloatArray) -> FloatArray:
@@ -205,7 +215,10 @@ class Observer:
         speeds = plant.GetVelocities(plant_context)[self._joint_velocities]
         port = plant.get_net_actuation_output_port()
         controller = cast(FloatArray, port.Eval(plant_context))
-        return controller, speeds, controller - self._back_emf * speeds
+        torques = controller - self._back_emf * speeds
+        if self._servo.has_friction:
+            torques = torques + self._servo.friction_torque(torques, speeds)
+        return controller, speeds, torques
 
     def _contacts(self, plant_context: Context) -> list[Touch]:
         """Where feet touch the ground: patches of surfaces, and points."""

@@ -253,7 +253,7 @@ def build_robot(config: PlantConfig, *, logged: bool = False) -> Robot:
     """
     builder = DiagramBuilder()
     plant, scene_graph = add_robot(builder, config, looks=False)
-    gait = GaitSystem()
+    gait = GaitSystem(config.servo)
     builder.AddSystem(gait)
     state = plant.get_state_output_port()
     instance = plant.GetBodyByName(BASE).model_instance()
@@ -272,7 +272,7 @@ def build_robot(config: PlantConfig, *, logged: bool = False) -> Robot:
         diagram=builder.Build(),
     )
     # Back-EMF per speed is stall torque / no-load speed, which both scale: it stays.
-    robot.scale_stall_torques(config.voltage)
+    robot.scale_stall_torques(config.voltage * config.servo.voltage)
     return robot
 
 

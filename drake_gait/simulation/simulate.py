@@ -33,6 +33,7 @@ from drake_gait.simulation.posture import (
     torso_posture,
     walk_of,
 )
+from drake_gait.simulation.servo_effects import effects_of
 from drake_gait.simulation.stance import check_placed, check_toes
 from drake_gait.sole import Sole
 from drake_gait.walk import (
@@ -224,7 +225,7 @@ def prepare(
     robot.plant.SetPositions(plant_context, positions)
     robot.scale_masses(plant_context, changed.mass)
     gait_context = robot.gait.GetMyMutableContextFromRoot(context)
-    lead = stepping.lead - changed.delay
+    lead = stepping.lead - settings.delay
     robot.gait.set_commands(gait_context, _sent(commands, settings), lead=lead)
     return robot, context
 
@@ -237,7 +238,8 @@ def _sent(commands: FloatArray, settings: WalkSettings) -> FloatArray:
 
 def _observer(robot: Robot, commands: FloatArray, settings: WalkSettings) -> Observer:
     mass = (settings.disturbance or Disturbance()).mass
-    return Observer(robot, commands, _sent(commands, settings), mass)
+    sent = _sent(commands, settings)
+    return Observer(robot, commands, sent=sent, mass=mass, delay=settings.delay)
 
 
 @lru_cache(maxsize=4)
@@ -334,11 +336,16 @@ def _advance(
     deadline = time.thread_time() + settings.time_limit
     on_boxes = settings.sole is Sole.BOXES
     line_search = _LINE_SEARCH_ON_BOXES if on_boxes else _LINE_SEARCH_TOLERANCE
+    monitors = effects_of(robot)
+    for update in monitors:
+        update(context)
     simulator = start(robot.diagram, context, settings.stepping, line_search)
     if observer:
         observer.record(context)
-        if monitored:
-            simulator.set_monitor(observer.monitor)
+    if observer and monitored:
+        monitors.append(observer.monitor)
+    if monitors:
+        simulator.set_monitor(lambda root: [monitor(root) for monitor in monitors][-1])
     postures: list[Posture] = []
     stride = 1 if observer or watch else _FRAMES_AT_A_TIME
     for frame in range(stride, frames + 1, stride):
@@ -388,7 +395,9 @@ def _measures(
     mass = (settings.disturbance or Disturbance()).mass
     # A robot that flies apart has numbers that grow beyond all bounds.
     with np.errstate(all="ignore"):
-        record = robot.meter.record(time[:count], states[:, :count], sent, mass)
+        record = robot.meter.record(
+            time[:count], states[:, :count], sent, mass, delay=settings.delay
+        )
         return measures_of(record, forward=walk[0], yaw_swing=walk[1])
 
 

@@ -24,6 +24,11 @@ SERVO: Table = {
     "stiffness_n_m_per_rad": ("stiffness", N_M_PER_RAD),
     "damping_n_m_s_per_rad": ("damping", N_M_S_PER_RAD),
     "no_load_speed_rad_per_s": ("no_load_speed", RAD_PER_S),
+    "coulomb_friction_n_m": ("coulomb_friction", Unit(name="N·m")),
+    "load_friction": ("load_friction", NONE),
+    "backlash_deg": ("backlash", DEGREES),
+    "delay_ms": ("delay", MS),
+    "voltage": ("voltage", NONE),
 }
 CONSTRAINTS: Table = {one.key: (one.name, one.unit) for one in BUILT_IN.values()}
 CONFIRMATION: Table = {
@@ -84,6 +89,11 @@ OLDER = {
     "gait.start": "paper",
     "search.grounds": False,
     "search.risk": "chance",
+    "servo.backlash": 0.0,
+    "servo.coulomb_friction": 0.0,
+    "servo.delay": 0.0,
+    "servo.load_friction": 0.0,
+    "servo.voltage": 1.0,
     "study.quantities": "",
     "walk.engine": "drake",
     "walk.friction": 1.0,

@@ -294,10 +294,12 @@ def torques(history: History, path: Path, limits: FloatArray) -> None:
                 axes.plot(history.time, history.torques[:, column], color=colour, linewidth=0.9)
             for bound in (-limits[joint], limits[joint]):
                 axes.axhline(bound, color=INK, linestyle=":", linewidth=0.9)
-            peak = np.abs(history.torques[:, [joint, joint + pairs]]).max()
+            both = [joint, joint + pairs]
+            driving, braking = peaks_apart(history.torques[:, both], history.speeds[:, both])
             axes.set_title(
                 f"{name.removesuffix('_r').replace('_', ' ')}: at most "
-                f"{100.0 * peak / limits[joint]:.0f} % of the stall torque",
+                f"{100.0 * driving / limits[joint]:.0f} % of the stall torque driving, "
+                f"{100.0 * braking / limits[joint]:.0f} % braking",
                 loc="left",
             )
         figure.supylabel("torque [N·m]", fontsize=8.0)
@@ -308,6 +310,19 @@ def torques(history: History, path: Path, limits: FloatArray) -> None:
         panels[0].plot([], [], color=INK, linestyle=":", linewidth=0.9, label="stall torque")
         figure.legend(loc="outside upper center", ncols=3)
         save_figure(figure, path)
+
+
+def peaks_apart(torques: FloatArray, speeds: FloatArray) -> tuple[float, float]:
+    """Return the largest torque [N·m] while servos drive their joints, and while they brake them.
+
+    A motor that is turned against its torque may brake with more than its stall torque.
+
+    Args:
+        torques: Torques on the joints [N·m], any shape.
+        speeds: Speeds of the joints [rad/s], the same shape.
+    """
+    sizes, drives = np.abs(torques), torques * speeds >= 0.0
+    return float(sizes[drives].max(initial=0.0)), float(sizes[~drives].max(initial=0.0))
 
 
 def _between(time: FloatArray, begin: float, end: float) -> NDArray[np.bool_]:

@@ -277,6 +277,7 @@ LIGHT = [
     ["studies", "show", "none"],
     ["export", "none", "--csv", "-"],
     ["export", "none", "--optuna", "sqlite://"],
+    ["identify", "none.csv", "--inertia", "0.004"],
 ]
 """Command lines that are answered at once: help, and what is wrong with an argument."""
 

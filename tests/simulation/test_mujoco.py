@@ -198,6 +198,30 @@ def test_servos_are_sent_the_commands_that_drake_sends():
     np.testing.assert_allclose(sent, expected, atol=1e-12)
 
 
+def test_late_servos_are_sent_what_drake_sends_late():
+    commands = WALKING.gait.commands
+    sent = engine._in_steps(commands, 0.001, 0.013).reshape(-1, len(JOINTS))
+    expected = [desired_state(commands, 0.001 * step - 0.013)[:10] for step in range(len(sent))]
+    np.testing.assert_allclose(sent, expected, atol=1e-12)
+
+
+def test_friction_and_play_of_servos_are_those_of_drake():
+    servo = Servo(coulomb_friction=0.03, load_friction=0.2, backlash=0.02)
+    found = compiled(servo=servo)
+    data, servos = mujoco.MjData(found.model), engine._Servos(found)
+    joints = [found.model.joint(name).dofadr[0] for name in JOINTS]
+    assert found.model.dof_frictionloss[joints] == pytest.approx(0.03)
+    command = np.array([0.0, 0.005, 0.03, -0.03, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5])
+    servos.follow(data, command)
+    np.testing.assert_allclose(data.ctrl[:4], [0.0, 0.0, 0.02, -0.02], atol=1e-12)
+    motor = np.minimum(servo.stiffness * np.abs(data.ctrl), 1.373)
+    np.testing.assert_allclose(found.model.dof_frictionloss[joints], 0.03 + 0.2 * motor)
+    # The next walk in the same model begins with its own.
+    engine._Servos(found)
+    assert found.model.dof_frictionloss[joints] == pytest.approx(0.03)
+    assert not compiled().model.dof_frictionloss.any()
+
+
 def test_a_gait_walks_in_both_engines_and_about_as_far():
     walk = simulate(WALKING, IN_MUJOCO, history=True)
     own = simulate(WALKING, dataclasses.replace(IN_MUJOCO, engine=Engine.DRAKE))

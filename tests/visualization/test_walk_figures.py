@@ -146,10 +146,11 @@ def test_the_largest_torque_is_a_share_of_the_joint_s_own_limit(
     torques = np.zeros((FRAMES + 1, 10))
     torques[100, 5], torques[50, 6] = -1.0, 0.8  # left hip roll, left hip pitch
     path = tmp_path / "torques.svg"
-    walk_figures.torques(dataclasses.replace(history, torques=torques), path, limits)
+    moved = dataclasses.replace(history, torques=torques, speeds=np.ones((FRAMES + 1, 10)))
+    walk_figures.torques(moved, path, limits)
     shown = texts(path)
-    assert "hip roll: at most 50 % of the stall torque" in shown
-    assert "hip pitch: at most 80 % of the stall torque" in shown
+    assert "hip roll: at most 0 % of the stall torque driving, 50 % braking" in shown
+    assert "hip pitch: at most 80 % of the stall torque driving, 0 % braking" in shown
 
 
 def test_the_time_on_both_feet_is_that_of_the_forces(history: History, tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ from drake_gait.foot import FootDesign
 from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray
 from drake_gait.robot.description import read_model
 from drake_gait.robot.sdf import BASE, FEET, FOOT_LINKS
+from drake_gait.simulation.command_source import commands_at
 from drake_gait.simulation.measures import measures_of
 from drake_gait.simulation.messages import default_context
 from drake_gait.simulation.mujoco.model import GROUND, Hardness, compiled
@@ -96,8 +97,9 @@ class _Observer(Observer):
         commands: FloatArray,
         sent: FloatArray,
         mass: float,
+        delay: float,
     ) -> None:
-        super().__init__(found.robot, commands, sent, mass)
+        super().__init__(found.robot, commands, sent=sent, mass=mass, delay=delay)
         self._found, self._data = found, data
 
     def _contacts(self, plant_context: Context) -> list[Touch]:
@@ -161,12 +163,13 @@ class _Log:
         # Speeds of a plate are linear in place: their mean by load is that at the load's centre.
         self._sliding.append(np.hypot(sums[1], sums[2]) / np.maximum(sums[0], _LIGHTEST))
 
-    def measures(self, walk: Walk, sent: FloatArray, mass: float) -> Measures:
+    def measures(self, walk: Walk, sent: FloatArray, mass: float, delay: float) -> Measures:
         """Return the measures of the walk."""
         # A robot that flies apart has numbers that grow beyond all bounds.
         with np.errstate(all="ignore"):
             meter = self._found.robot.meter
-            record = meter.record(np.array(self._time), np.array(self._states).T, sent, mass)
+            states = np.array(self._states).T
+            record = meter.record(np.array(self._time), states, sent, mass, delay=delay)
             record = replace(
                 record, loads=np.array(self._loads).T, sliding=np.array(self._sliding).T
             )
@@ -219,21 +222,23 @@ def follow(
         data = mujoco.MjData(found.model)
         data.qpos[:] = _standing(standing, step, hardness)
         sent = commands + np.array(changed.joint_zeros)
-        observer = _Observer(found, data, commands, sent, changed.mass) if history else None
+        late = settings.delay
+        observer = _Observer(found, data, commands, sent, changed.mass, late) if history else None
         log = _Log(found, data)
         walk = _advance(
-            found, data, sent, log, settings.time_limit, observer, watch, frames, warnings
-        )
+            found, data, _in_steps(sent, step, late), log, settings.time_limit, observer, watch,
+            frames, warnings,
+        )  # fmt: skip
     if walk.outcome is Outcome.DIVERGED:
         return walk
-    measures = log.measures(walk, sent, changed.mass)
+    measures = log.measures(walk, sent, changed.mass, late)
     return replace(walk, history=observer.history() if observer else None, measures=measures)
 
 
 def _advance(
     found: _Model,
     data: mujoco.MjData,
-    sent: FloatArray,
+    commands: FloatArray,
     log: _Log,
     time_limit: float,
     observer: _Observer | None,
@@ -244,13 +249,13 @@ def _advance(
     """Step through the frames until the end, a fall or a failure."""
     # Computing time: a busy machine changes no walk.
     deadline = time.thread_time() + time_limit
-    commands = _in_steps(sent, found.model.opt.timestep)
+    servos = _Servos(found)
     stride = _stride(commands.shape[1], found.model.opt.timestep)
     start = data.qpos.copy()
     postures, fall = [_posture(data)], None
     for frame in range(1, frames + 1):
         for number, command in enumerate(commands[frame - 1]):
-            data.ctrl = command
+            servos.follow(data, command)
             if number % stride:
                 mujoco.mj_step(found.model, data)
                 continue
@@ -293,12 +298,46 @@ def _posture(data: mujoco.MjData) -> Posture:
     return torso_posture(np.concatenate([quaternion, place]))
 
 
-def _in_steps(commands: FloatArray, step: float) -> FloatArray:
+class _Servos:
+    """What of the servos follows the motion: their play, and friction that grows with the load.
+
+    MuJoCo's own friction takes another limit in every step, as BAM's simulation has it.
+    """
+
+    def __init__(self, found: _Model) -> None:
+        self._servo, self._model = found.robot.config.servo, found.model
+        joints = found.model.actuator_trnid[:, 0]
+        self._angles = found.model.jnt_qposadr[joints]
+        self._speeds = found.model.jnt_dofadr[joints]
+        self._stall, self._back_emf = found.robot.meter.stall, found.robot.meter.back_emf
+        if self._servo.has_friction:  # A model is kept, with the friction of its last walk.
+            self._model.dof_frictionloss[self._speeds] = self._servo.coulomb_friction
+
+    def follow(self, data: mujoco.MjData, command: FloatArray) -> None:
+        """Set commands [rad], shape (10,), and friction for the step that begins."""
+        servo = self._servo
+        if servo.backlash:
+            angles = data.qpos[self._angles]
+            command = angles + servo.engaged(command - angles)
+        data.ctrl = command
+        if servo.load_friction:
+            speeds = data.qvel[self._speeds]
+            asked = servo.stiffness * (command - data.qpos[self._angles]) - servo.damping * speeds
+            motor = np.clip(asked, -self._stall, self._stall) - self._back_emf * speeds
+            self._model.dof_frictionloss[self._speeds] = servo.friction_limit(motor)
+
+
+def _in_steps(commands: FloatArray, step: float, delay: float = 0.0) -> FloatArray:
     """Return what the servos follow in each step [rad], shape (frames, steps, 10).
 
-    Linear between the frames of `commands`, shape (n, 10), as `command_source.desired_state`.
+    Linear between the frames of `commands`, shape (n, 10), as `command_source.desired_state`, and
+    late by `delay` [s].
     """
     steps = round(FRAME_TIME / step)
+    if delay:
+        times: FloatArray = np.arange((len(commands) - 1) * steps, dtype=float) * step - delay
+        late: FloatArray = commands_at(commands, times).reshape(len(commands) - 1, steps, -1)
+        return late
     progress = np.arange(steps)[:, None] / steps
     sent: FloatArray = commands[:-1, None] + progress * np.diff(commands, axis=0)[:, None]
     return sent
@@ -368,6 +407,7 @@ def _standing(config: PlantConfig, step: float, hardness: Hardness | None = None
     check_toes(name)
     data = mujoco.MjData(found.model)
     data.qpos[found.positions] = plant.GetPositions(plant_context)
+    _Servos(found)
     before = _posture(data)
     mujoco.mj_step(found.model, data, nstep=round(SETTLING_TIME / step))
     check_stands(before, _posture(data), name)

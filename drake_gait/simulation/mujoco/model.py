@@ -366,10 +366,13 @@ def _add_inertia(element: Element, body: RigidBody, plant_context: Context) -> N
 def _add_servos(
     actuators: Element, hinges: dict[str, Element], robot: Robot, plant_context: Context
 ) -> None:
-    """Write the servos' controllers and rotors; their joints' damping has the back-EMF."""
+    """Write the servos' controllers, rotors and friction; joints' damping has the back-EMF."""
+    servo = robot.config.servo
     for name in JOINTS:
         actuator = robot.plant.GetJointActuatorByName(name)
         hinges[name].set("armature", repr(float(actuator.calc_reflected_inertia(plant_context))))
+        if servo.has_friction:
+            hinges[name].set("frictionloss", repr(servo.coulomb_friction))
         gains, stall = actuator.get_controller_gains(), float(actuator.effort_limit())
         SubElement(
             actuators,
