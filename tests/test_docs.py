@@ -21,7 +21,7 @@ PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
 SNIPPET = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
 INDENTED = re.compile(r"^    (python .*(?:\n +[\[-].*)*)", re.MULTILINE)
 INLINE = re.compile(r"`(python [^`]*)`")
-MAKE = re.compile(r"(?:^    |`)make (\w+)(?: ARGS=\"([^\"]*)\")?", re.MULTILINE)
+MAKE = re.compile(r"(?:^    |`)make ([\w-]+)(?: ARGS=\"([^\"]*)\")?", re.MULTILINE)
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 HEADING = re.compile(r"^#+ (.*)", re.MULTILINE)
 
@@ -223,7 +223,7 @@ def test_the_commands_of_the_pages_are_found():
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_make_has_the_targets_that_are_named(page):
-    known = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    known = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
     for target, _ in MAKE.findall(page.read_text(encoding="utf-8")):
         assert target in known
 

@@ -27,7 +27,8 @@ from drake_gait.sole import Sole
 from drake_gait.study.reading import default_study, read_study
 from drake_gait.study.settings import study_settings
 from drake_gait.study.store import Study
-from drake_gait.visualization.style import INK, PAGE, new_figure, save_figure, style
+from drake_gait.visualization.palette import INK
+from drake_gait.visualization.style import PAGE, new_figure, save_figure, style
 from drake_gait.walk import Fidelity, Integrator, WalkSettings
 
 PHASES = ("heel strike", "flat", "mid-stance", "heel-off", "toe-off")

@@ -84,10 +84,11 @@ def read_row(study: PlannedStudy, out: Path) -> Row:
     """
     path = study.folder(out) / "result.json"
     try:
-        result = with_frames(from_json(path.read_bytes()))
+        content = from_json(path.read_bytes())
     except (OSError, ValueError) as error:
         raise StudyError(f"cannot read {path}: {error}; run the sweep again") from None
     try:
+        result = with_frames(content)
         row = {
             "variant": study.variant,
             "seed": study.seed,
