@@ -5,7 +5,7 @@ from pathlib import Path
 
 from drake_gait.files.destination import write
 from drake_gait.study._toml import as_toml
-from drake_gait.study.keys import KEYS, in_file
+from drake_gait.study.keys import KEYS, in_file, keys
 from drake_gait.study.settings import StudySettings
 
 DEFAULT_NAME = "study.toml"
@@ -20,6 +20,7 @@ def study_toml(settings: StudySettings) -> str:
     A limit that was removed is not there. The robot is named by its shipped name or by its path
     from the root, so that the file is good in every folder.
     """
+    known = keys(settings.quantities)
     sections: dict[str, list[str]] = {section: [] for section in KEYS}
     for name, value in settings.description().items():
         if value is None or (name == "study.quantities" and not value):
@@ -30,7 +31,7 @@ def study_toml(settings: StudySettings) -> str:
             value = str(Path(value).absolute())
         key, unit = in_file(name, settings.quantities)
         section, _, short = key.partition(".")
-        if short not in KEYS[section]:  # A user's own changes are objects.
+        if short not in known[section]:  # A user's own changes are objects.
             continue
         sections[section].append(f"{short} = {as_toml(value, unit)}")
     lines = [f"{_HEADER}{_origin(settings)}.", ""]

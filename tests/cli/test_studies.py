@@ -209,6 +209,7 @@ def test_an_unreadable_result_is_left_out(make, capsys, tmp_path, result):
 # As root it becomes somebody whom permissions hold back, once it has read all that it needs.
 SHUT_OUT = """
 import gettext, locale, os, sys
+import drake_gait.cli._table  # Its libraries are closed to nobody.
 from drake_gait.cli.studies import main
 if os.geteuid() == 0:
     os.setuid(65534)

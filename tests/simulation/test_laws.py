@@ -21,12 +21,19 @@ from drake_gait.simulation.observer import Observer
 from drake_gait.simulation.plant import Robot, add_ground, build_robot
 from drake_gait.simulation.plant_config import PlantConfig
 from drake_gait.simulation.simulate import follow, start
-from drake_gait.study.reading import default_study, read_study
 from drake_gait.walk import Fidelity, Integrator, Walk
 
 STANDING_STILL = np.zeros((FRAMES + 1, len(JOINTS)))
 WEIGHT = 1.5 * 9.81
-MIDDLE = read_study(default_study()).space.decode(np.zeros(16)).gait
+# A gait that walks from a ramp; laws of walking do not follow the default study.
+MIDDLE = Gait.from_degrees(
+    [
+        [0.5, 2.3, 5.8, -0.4],
+        [12.7, -13.1, 9.4, -0.6],
+        [22.2, -2.4, 13.0, 0.2],
+        [10.0, 6.2, 6.4, 0.7],
+    ]
+)
 REFERENCE = WalkSettings(fidelity=Fidelity.REFERENCE)
 PRECISE = Integrator(step=0.01, accuracy=1e-5)
 
