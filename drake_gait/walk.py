@@ -147,7 +147,7 @@ class WalkSettings:
     disturbance: Disturbance | None = None
     """How the robot differs from its description."""
     measures: bool = False
-    """Whether to sum up what a walk costs and how it is walked; it triples the time."""
+    """Without effect since 0.3: every walk has its measures."""
     time_limit: float = 60.0
     """Computing time after which a walk is given up as diverged [s]."""
 

@@ -192,7 +192,9 @@ def test_a_measure_beyond_its_limit_makes_a_walk_infeasible(name, limit, violati
 
 
 def test_a_walk_without_the_measures_that_a_limit_needs_is_a_mistake():
-    with pytest.raises(SettingsError, match=r"slip needs the measures of a walk.*measures=True"):
+    with pytest.raises(
+        SettingsError, match=r"slip needs the measures of a walk.*simulate it again"
+    ):
         assess(a_walk(), Constraints(slip=0.04))
 
 
