@@ -183,7 +183,8 @@ class Quantity(str):
             diverged = walk.outcome is Outcome.DIVERGED
             if self.needs is Needs.MEASURES and walk.measures is None and not diverged:
                 raise SettingsError(
-                    f"{self.name} needs the measures of a walk, which those of older studies lack; simulate it again"
+                    f"{self.name} needs the measures of a walk, which those of older studies lack; "
+                    "simulate it again"
                 )
             return math.nan
         if self.side is Side.LOWER:
