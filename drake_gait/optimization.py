@@ -127,7 +127,7 @@ def _require_proposer(study: Study, name: str | None) -> None:
 
 
 def _wanted(settings: StudySettings, model: RobotModel) -> dict[str, Any]:
-    """What a study must have begun with, to be this one."""
+    """Return the settings that identify a study."""
     return {
         "settings": settings.description(),
         "model_sha256": model.sha256,

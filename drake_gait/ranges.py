@@ -25,7 +25,7 @@ class Unit:
 
     @property
     def suffix(self) -> str:
-        """What the key of a file ends with: mm, n_m or rad_per_s."""
+        """Ending of a key in a file: mm, n_m or rad_per_s."""
         text = self.short.lower().replace("/", "_per_").replace("·", "_")
         return re.sub(r"[^a-z0-9_]", "", text)
 

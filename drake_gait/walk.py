@@ -38,7 +38,7 @@ class Fidelity(StrEnum):
 
 
 class Engine(StrEnum):
-    """What simulates a walk."""
+    """Engine that simulates a walk."""
 
     DRAKE = "drake"
     """Drake, for which the contact was chosen."""
@@ -74,7 +74,7 @@ class Integrator:
 
     @property
     def fixed(self) -> bool:
-        """Whether all steps are equally long and of the engine's own kind."""
+        """Return whether all steps are equally long and of the engine's own kind."""
         return self.accuracy is None and not self.discrete
 
 

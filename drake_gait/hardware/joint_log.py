@@ -28,7 +28,7 @@ class JointLog:
 
 @dataclass(frozen=True, kw_only=True)
 class Agreement:
-    """How a joint on the robot follows the simulated one."""
+    """Agreement of a joint on the robot with the simulated one."""
 
     joint: str
     """The joint."""

@@ -20,7 +20,7 @@ _AT_ONCE = 1  # A move of one output cycle of the board.
 
 
 class Board(Protocol):
-    """What is used of `rcb4.rcb4interface.RCB4Interface`."""
+    """Part of `rcb4.rcb4interface.RCB4Interface` that is used."""
 
     def search_servo_ids(self) -> Any:
         """Return the ids of the servos that answer."""

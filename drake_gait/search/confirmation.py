@@ -131,7 +131,7 @@ class _Window:
         return len(self._waiting)
 
     def begin(self, plan: Planned, hear: Callable[[StudyWalk], None] | None = None) -> None:
-        """Begin a walk, unless it has begun; `hear` is told of it when its turn has come."""
+        """Begin a walk, unless it has begun; `hear` gets it when its turn has come."""
         begun = plan.id in self._begun
         if not begun:
             self._begun[plan.id] = self._runner.begin(plan)
@@ -146,7 +146,7 @@ class _Window:
         except (ModelError, SettingsError):
             if plan.variation != OTHER_ENGINE:
                 raise
-            return  # The other engine cannot have this robot or sole: nothing is told of it.
+            return  # The other engine cannot have this robot or sole: it is left out.
         if hear is not None:
             hear(walk)
 
@@ -343,7 +343,7 @@ class _Race:
                 yield self._planned(one, variation)
 
     def missing_walks(self) -> Iterator[Planned]:
-        """Yield the walks that complete the tests of those that have enough feasible ones."""
+        """Yield the walks that complete the tests of gaits with enough feasible ones."""
         for number in self._listed():
             for tier in self._tiers:
                 if tier is Tier.REPEATS or number in self._reached(tier):
@@ -371,7 +371,7 @@ class _Race:
                         yield self._planned(one, OTHER_ENGINE)
 
     def _listed(self) -> list[int]:
-        """Return the numbers of those that hold, and of the best single walk."""
+        """Return the numbers of gaits that hold, and of the best single walk."""
         reached = self._reached(self._tiers[-1]) or self._reached(self._tiers[0])
         return list(dict.fromkeys([*reached, *(one.number for one in self._field[:1])]))
 

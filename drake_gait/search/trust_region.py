@@ -88,7 +88,7 @@ class TrustRegion(NetworkProposer):
             return self._unlearnt(iteration, count)
         while self._told < iteration:  # Also what a study did before it went on.
             self._told += 1
-            # The region is told whole batches, each on one ground.
+            # The region hears whole batches, each on one ground.
             whole = self._told - (2 if self.overlap and self._told > 1 else 1)
             self._move(self._told, whole, known[: self.samples + whole * self.batch])
         asked = self._learner.asked(network, iteration, known)

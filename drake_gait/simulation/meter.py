@@ -26,7 +26,7 @@ _LARGE_BLOCK = 1 << 20
 
 
 class Meter:
-    """What is measured of a robot, with all that stays the same from walk to walk."""
+    """Meter of a robot, with all that stays the same from walk to walk."""
 
     def __init__(
         self,

@@ -221,7 +221,7 @@ class Observer:
         return controller, speeds, torques
 
     def _contacts(self, plant_context: Context) -> list[Touch]:
-        """Where feet touch the ground: patches of surfaces, and points."""
+        """Return the touches of feet and ground: patches of surfaces, and points."""
         port = self._robot.plant.get_contact_results_output_port()
         results = cast(ContactResults, port.Eval(plant_context))
         found: list[tuple[tuple[GeometryId, GeometryId], FloatArray, FloatArray]] = []

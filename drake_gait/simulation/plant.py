@@ -79,7 +79,7 @@ class Robot:
 
     @cached_property
     def meter(self) -> Meter:
-        """What measures its walks."""
+        """Meter of its walks."""
         return Meter(self.plant, self.scene_graph, self.config)
 
     def set_foot(self, plant_context: Context, foot: FootDesign) -> None:

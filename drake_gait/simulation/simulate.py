@@ -231,7 +231,7 @@ def prepare(
 
 
 def _sent(commands: FloatArray, settings: WalkSettings) -> FloatArray:
-    """What the servos are sent [rad], shape (241, 10): their zeros may be displaced."""
+    """Return the commands that reach the servos [rad], shape (241, 10); zeros may be displaced."""
     sent: FloatArray = commands + np.array((settings.disturbance or Disturbance()).joint_zeros)
     return sent
 

@@ -33,7 +33,7 @@ _LIGHTEST = 1e-6
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tread:
-    """What touches the ground under one link L of a foot: k corners, with t faces or without."""
+    """Parts under one link L of a foot that touch the ground: k corners, t faces or none."""
 
     corners: Floats
     """p_LC [m], shape (k, 3)."""

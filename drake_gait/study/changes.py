@@ -40,7 +40,7 @@ class Change(Protocol):
 
     @property
     def name(self) -> str:
-        """The name and the numbers of the change; a study does not go on with another one."""
+        """The name and the numbers of the change; a study is not resumed with another one."""
         ...
 
     @property

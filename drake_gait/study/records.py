@@ -86,12 +86,12 @@ class StudyWalk:
 
     @property
     def is_nominal(self) -> bool:
-        """Whether its candidate walked as the search proposed it: no replica, no confirmation."""
+        """Return whether its candidate walked as proposed: no replica, no confirmation."""
         return self.nominal is None and self.is_search_walk
 
     @property
     def is_mean(self) -> bool:
-        """Whether its candidate is a mean of neighbours, which a confirmation walked first."""
+        """Return whether its candidate is a mean of neighbours, which a confirmation walked first."""
         return self.nominal is None and not self.is_search_walk
 
 

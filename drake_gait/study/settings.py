@@ -131,12 +131,12 @@ class StudySettings:
 
     @property
     def outputs(self) -> tuple[Quantity, ...]:
-        """What a network is to predict of a walk: `problem.OUTPUTS`, and what else is needed."""
+        """Return the outputs of a network: `problem.OUTPUTS`, and what else is needed."""
         return quantities(self.constraints, self.search.objective)
 
     @property
     def trial_settings(self) -> WalkSettings:
-        """How the walks of the search are simulated: with measures where they are needed."""
+        """Return how the walks of the search are simulated: with measures where they are needed."""
         needed = (*self.outputs, *self.quantities)
         return replace(self.walk, measures=any(one.needs is Needs.MEASURES for one in needed))
 

@@ -292,7 +292,7 @@ class Study:
     def _require_quantities(
         self, wanted: Sequence[Mapping[str, Any]], description: Mapping[str, Any]
     ) -> None:
-        """Refuse to go on with other quantities than those that the walks have values of."""
+        """Refuse other quantities than those that the walks have values of."""
         now, was = (
             {one["name"]: one for one in some} for some in (wanted, description.get(QUANTITIES, []))
         )
