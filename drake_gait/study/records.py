@@ -91,7 +91,7 @@ class StudyWalk:
 
     @property
     def is_mean(self) -> bool:
-        """Return whether its candidate is a mean of neighbours, which a confirmation walked first."""
+        """Return whether its candidate is a mean of neighbours, first walked to confirm."""
         return self.nominal is None and not self.is_search_walk
 
 
