@@ -60,7 +60,9 @@ def prepare_motion(options: argparse.Namespace, told: TextIO) -> Prepared:
         foot = chosen.candidate.foot
         print(f"softened: {_jumps(motion)}", file=told)
         for label, angles in (("as it is", commands), ("softened", motion.angles)):
-            print(f"{label}, it walks {in_words(follow(angles, foot, as_then))}", file=told)
+            walk = follow(angles, foot, as_then)
+            does = "walks" if walk.survived else "falls:"
+            print(f"{label}, it {does} {in_words(walk)}", file=told)
     motion = motion if frame_time == FRAME_TIME else motion.resampled(frame_time)
     gaps = leg_gaps(motion.angles, chosen.candidate.foot, settings.walk.model)
     print(f"smallest gap between the legs: {1e3 * gaps[0].min():.1f} mm", file=told)

@@ -68,7 +68,7 @@ def test_softening_says_what_it_costs(run, capsys):
     assert export.main([run, "--motion", "-", "--soften", "0.6", "--allow", "collision"]) == 0
     told = capsys.readouterr().err
     assert "as it is, it walks" in told
-    assert "softened, it walks" in told
+    assert "softened, it falls" in told  # This gait lives on the speed of its servos.
 
 
 @pytest.mark.parametrize(
@@ -113,7 +113,7 @@ def test_a_walk_is_played_in_its_own_time(run, capsys):
     assert not board.wrong
     times = [time for time, _, places in board.moves if set(places.values()) != {HELD}]
     assert len(times) == 1 + 241
-    assert np.ptp(times[1:]) >= 4.8
+    assert np.ptp(times[1:]) > 4.7
     assert "241 frames played" in capsys.readouterr().out
 
 
