@@ -4,6 +4,7 @@ Keys, units, defaults and ranges are those of the settings' classes, sentences t
 docstrings, quantities and columns their declarations. The site's build makes the tables anew.
 """
 
+import argparse
 import ast
 import inspect
 import math
@@ -243,4 +244,5 @@ def _lines(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str
 
 
 if __name__ == "__main__":
+    argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0]).parse_args()
     PAGE.write_text(written(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
