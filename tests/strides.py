@@ -15,6 +15,16 @@ from drake_gait.gait import Gait
 from drake_gait.problem import Candidate
 from drake_gait.walk import Outcome, Walk
 
+# A gait that walks from a ramp; laws do not follow the default study.
+MIDDLE = Gait.from_degrees(
+    [
+        [0.5, 2.3, 5.8, -0.4],
+        [12.7, -13.1, 9.4, -0.6],
+        [22.2, -2.4, 13.0, 0.2],
+        [10.0, 6.2, 6.4, 0.7],
+    ]
+)
+
 
 def candidates(count):
     """Gaits that differ in their first coefficient: 0, 0.01, 0.02 ..."""

@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from drake_gait.cli._replay import choose
+from drake_gait.cli._table import show
 from drake_gait.errors import StudyError
 from drake_gait.hardware.joint_log import agreement, read_joint_log
 from drake_gait.report.result import in_words
+from drake_gait.report.tables import Table, number
 from drake_gait.simulation.simulate import simulate
 from drake_gait.visualization.walk import joint_angles
 
@@ -26,11 +28,17 @@ def work(options: argparse.Namespace) -> None:
             "another --walk"
         )
     found = agreement(log, history.time, history.angles)
-    print(f"{settings.name}, walk {chosen.id}: measured against simulated")
-    print(f"{'joint':<14} {'delay [ms]':>10} {'rms [deg]':>10} {'rms, delay taken out [deg]':>27}")
+    rows = []
     for one in found:
         rms, aligned = np.degrees([one.rms, one.rms_aligned])
-        print(f"{one.joint:<14} {1e3 * one.delay:>10.0f} {rms:>10.2f} {aligned:>27.2f}")
+        rows.append([one.joint, number(1e3 * one.delay, 0), number(rms, 2), number(aligned, 2)])
+    show(
+        Table(
+            caption=f"{settings.name}, walk {chosen.id}: measured against simulated",
+            columns=["joint", "delay [ms]", "rms [deg]", "rms, delay taken out [deg]"],
+            rows=rows,
+        )
+    )
     if options.out is not None:
         joint_angles(history, log.times, log.angles, options.out)
         print(options.out, file=sys.stderr)

@@ -1,10 +1,7 @@
 """The servos of a real robot: ids, signs, trims and ranges, from a file that its owner edits."""
 
-import difflib
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +10,8 @@ import numpy as np
 from drake_gait.errors import SettingsError
 from drake_gait.files.text import read_text
 from drake_gait.gait import JOINTS, FloatArray
+from drake_gait.robot.description import models_folder
+from drake_gait.study._toml import known, number, parse_toml
 
 SHIPPED = "khr3hv_servos.toml"
 """The shipped file, in `models/`: ids, signs and ranges of the KHR-3HV's legs."""
@@ -68,10 +67,11 @@ def read_servo_map(path: Path | None = None) -> ServoMap:
     Raises:
         SettingsError: the file cannot be read, or a value in it cannot be used; the text names it.
     """
-    path = path or _shipped()
+    path = path or models_folder() / SHIPPED
+    text = read_text(path, "the robot's servos")
     try:
-        content = tomllib.loads(read_text(path, "the robot's servos"))
-    except tomllib.TOMLDecodeError as error:
+        content = parse_toml(text)
+    except ValueError as error:
         raise SettingsError(f"{path} is not TOML: {error}") from None
     try:
         return _servo_map(content)
@@ -79,18 +79,12 @@ def read_servo_map(path: Path | None = None) -> ServoMap:
         raise SettingsError(f"{path}: {error}") from None
 
 
-def _shipped() -> Path:
-    package = Path(str(files("drake_gait")))
-    inside = package / "models" / SHIPPED
-    return inside if inside.exists() else package.parent / "models" / SHIPPED
-
-
 def _servo_map(content: Mapping[str, Any]) -> ServoMap:
-    _known("section", content, ("controller", "joints"))
+    known("section", content, ("controller", "joints"))
     controller = _table("controller", content.get("controller", {}))
-    _known("key of [controller]", controller, _CONTROLLER)
+    known("key of [controller]", controller, _CONTROLLER)
     joints = _table("joints", content.get("joints", {}))
-    _known("joint", joints, JOINTS)
+    known("joint", joints, JOINTS)
     missing = [name for name in JOINTS if name not in joints]
     if missing:
         raise SettingsError(
@@ -98,10 +92,10 @@ def _servo_map(content: Mapping[str, Any]) -> ServoMap:
         )
     rows = [_joint(name, _table(f"joints.{name}", joints[name])) for name in JOINTS]
     ids = tuple(row[0] for row in rows)
-    for place, number in enumerate(ids):
-        if number in ids[:place]:
+    for place, own in enumerate(ids):
+        if own in ids[:place]:
             raise SettingsError(
-                f"joints.{JOINTS[place]}.id = {number} is that of {JOINTS[ids.index(number)]} too; "
+                f"joints.{JOINTS[place]}.id = {own} is that of {JOINTS[ids.index(own)]} too; "
                 "every servo has its own"
             )
     given: dict[str, Any] = dict(controller)
@@ -112,7 +106,7 @@ def _servo_map(content: Mapping[str, Any]) -> ServoMap:
         if key in given:
             given[key] = _whole(f"controller.{key}", given[key], 0, 65535)
     if "units_per_degree" in given:
-        units = _number("controller.units_per_degree", given["units_per_degree"])
+        units = number("controller.units_per_degree", given["units_per_degree"])
         if not units > 0.0:
             raise SettingsError(f"controller.units_per_degree must be > 0, got {units}")
         given["units_per_degree"] = units
@@ -132,26 +126,26 @@ def _servo_map(content: Mapping[str, Any]) -> ServoMap:
 
 
 def _joint(name: str, values: Mapping[str, Any]) -> tuple[int, int, float, tuple[float, float]]:
-    _known(f"key of [joints.{name}]", values, _JOINT)
+    known(f"key of [joints.{name}]", values, _JOINT)
     place = f"joints.{name}"
     for key in ("id", "sign", "range_deg"):
         if key not in values:
             raise SettingsError(f"{place}.{key} is missing")
-    number = _whole(f"{place}.id", values["id"], 0, _IDS - 1)
+    own = _whole(f"{place}.id", values["id"], 0, _IDS - 1)
     sign = values["sign"]
     if isinstance(sign, bool) or sign not in (1, -1):
         raise SettingsError(f"{place}.sign must be 1 or -1, got {sign!r}")
-    trim = _number(f"{place}.trim_deg", values.get("trim_deg", 0.0))
+    trim = number(f"{place}.trim_deg", values.get("trim_deg", 0.0))
     ends = values["range_deg"]
     if not isinstance(ends, list) or len(ends) != 2:
         raise SettingsError(f"{place}.range_deg must be two angles, got {ends!r}")
-    low, high = (_number(f"{place}.range_deg", end) for end in ends)
+    low, high = (number(f"{place}.range_deg", end) for end in ends)
     if not -135.0 <= low < high <= 135.0:
         raise SettingsError(
             f"{place}.range_deg must rise within -135 and 135 degrees, got [{low:g}, {high:g}]"
         )
     radians = np.radians([trim, low, high]).tolist()
-    return number, int(sign), radians[0], (radians[1], radians[2])
+    return own, int(sign), radians[0], (radians[1], radians[2])
 
 
 def _times(values: Any) -> list[float]:
@@ -159,19 +153,10 @@ def _times(values: Any) -> list[float]:
         raise SettingsError(
             f"controller.frame_times_ms must be a list such as [10, 15, 20, 25], got {values!r}"
         )
-    found = [_number("controller.frame_times_ms", value) / 1e3 for value in values]
+    found = [number("controller.frame_times_ms", value) / 1e3 for value in values]
     if not all(0.0 < time <= 0.1 for time in found):
         raise SettingsError(f"controller.frame_times_ms must be > 0 and <= 100, got {values!r}")
     return found
-
-
-def _known(what: str, given: Mapping[str, Any], names: tuple[str, ...]) -> None:
-    for name in given:
-        if name not in names:
-            near = difflib.get_close_matches(name, names, n=1, cutoff=0.0)[0]
-            raise SettingsError(
-                f"no {what} is called '{name}'; the nearest is '{near}' of {', '.join(names)}"
-            )
 
 
 def _table(name: str, value: Any) -> Mapping[str, Any]:
@@ -186,9 +171,3 @@ def _whole(name: str, value: Any, lowest: int, highest: int) -> int:
             f"{name} must be a whole number from {lowest} to {highest}, got {value!r}"
         )
     return value
-
-
-def _number(name: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-        raise SettingsError(f"{name} must be a finite number, got {value!r}")
-    return float(value)

@@ -184,13 +184,12 @@ def _elsewhere(
 ) -> dict[str, Any] | None:
     """Return how a walk on another sole or in another engine went; None where there is none."""
     passed = finalist.transfers(other, settings.confirmation.transfer_distance)
-    if other is None or passed is None or finalist.reference is None:
+    if other is None or passed is None:
         return None
-    forward = finalist.reference.walk.forward
     return {
         "outcome": str(other.walk.outcome),
         **distances(other.walk),
-        "of_distance": other.walk.forward / forward if forward else None,
+        "of_distance": finalist.part_of_distance(other),
         "passed": passed,
     }
 

@@ -149,11 +149,10 @@ def tiers(settings: StudySettings, walks: Sequence[StudyWalk]) -> Table | None:
 
 def _part_elsewhere(finalist: study_finalists.Finalist, other: StudyWalk | None) -> str:
     """Return how much of its distance a finalist walked on another sole or in another engine."""
-    if other is None or finalist.reference is None or not finalist.reference.walk.forward:
+    part = finalist.part_of_distance(other)
+    if other is None or part is None:
         return "–"
-    if not other.walk.survived:
-        return str(other.walk.outcome)
-    return f"{100.0 * other.walk.forward / finalist.reference.walk.forward:.0f} %"
+    return f"{100.0 * part:.0f} %" if other.walk.survived else str(other.walk.outcome)
 
 
 def _in_tier(walks: Sequence[StudyWalk], feasible: int, told: str) -> tuple[str, str]:

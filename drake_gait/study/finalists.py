@@ -141,6 +141,12 @@ class Finalist:
         near = abs(other.walk.forward - forward) <= tolerance * abs(forward)
         return other.walk.survived and near
 
+    def part_of_distance(self, other: StudyWalk | None) -> float | None:
+        """Return the distance of another walk / that at reference fidelity; None if unknown."""
+        if other is None or self.reference is None or not self.reference.walk.forward:
+            return None
+        return other.walk.forward / self.reference.walk.forward
+
 
 def finalists(settings: "StudySettings", walks: Sequence[StudyWalk]) -> list[Finalist]:
     """The candidates that were walked again: the highest tier first, then by their distance."""

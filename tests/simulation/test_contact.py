@@ -24,6 +24,7 @@ from pydrake.multibody.tree import (
 )
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder
+from strides import MIDDLE
 
 from drake_gait import Candidate, FootDesign, Gait, WalkSettings, simulate
 from drake_gait.errors import SettingsError
@@ -37,15 +38,6 @@ from drake_gait.sole import Contact, Sole
 from drake_gait.walk import Fidelity, Integrator
 
 STANDING_STILL = np.zeros((FRAMES + 1, len(JOINTS)))
-# A gait that walks from a ramp; laws of the soles do not follow the default study.
-MIDDLE = Gait.from_degrees(
-    [
-        [0.5, 2.3, 5.8, -0.4],
-        [12.7, -13.1, 9.4, -0.6],
-        [22.2, -2.4, 13.0, 0.2],
-        [10.0, 6.2, 6.4, 0.7],
-    ]
-)
 NEW = [Sole.AREA, Sole.POINTS]
 
 LENGTH, WIDTH, RIM = 0.095, 0.078, Contact().rim

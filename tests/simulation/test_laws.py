@@ -10,6 +10,7 @@ from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder
+from strides import MIDDLE
 
 from drake_gait import Candidate, FootDesign, Gait, WalkSettings, simulate
 from drake_gait.foot import N_MM_PER_DEG
@@ -25,15 +26,6 @@ from drake_gait.walk import Fidelity, Integrator, Walk
 
 STANDING_STILL = np.zeros((FRAMES + 1, len(JOINTS)))
 WEIGHT = 1.5 * 9.81
-# A gait that walks from a ramp; laws of walking do not follow the default study.
-MIDDLE = Gait.from_degrees(
-    [
-        [0.5, 2.3, 5.8, -0.4],
-        [12.7, -13.1, 9.4, -0.6],
-        [22.2, -2.4, 13.0, 0.2],
-        [10.0, 6.2, 6.4, 0.7],
-    ]
-)
 REFERENCE = WalkSettings(fidelity=Fidelity.REFERENCE)
 PRECISE = Integrator(step=0.01, accuracy=1e-5)
 
