@@ -344,9 +344,9 @@ def test_it_stands_still_on_its_servos_for_two_seconds(built: Built) -> None:
     simulator = Simulator(built.diagram, context)
     simulator.AdvanceTo(2.0)
     end = plant.EvalBodyPoseInWorld(inner, base)
-    # The servos give way under the weight: by 8 mm and 1.5 degrees at most.
-    assert np.linalg.norm(built.com(inner) - com) < 0.008
-    assert (start.rotation().inverse() @ end.rotation()).ToAngleAxis().angle() < np.radians(1.5)
+    # The servos give way under the weight: the OP3's most, by 3.2 mm and 1.5 degrees.
+    assert np.linalg.norm(built.com(inner) - com) < 0.005
+    assert (start.rotation().inverse() @ end.rotation()).ToAngleAxis().angle() < np.radians(2.0)
     assert np.abs(plant.GetVelocities(inner)).max() < 0.01
     contacts = plant.get_contact_results_output_port().Eval(inner)
     forces = [
@@ -389,3 +389,69 @@ def test_the_op3_has_twelve_servos_of_the_datasheets_torque(op3: Built) -> None:
     for actuator in actuators:
         assert actuator.effort_limit() == 4.1
         assert np.degrees(actuator.joint().position_upper_limits()) == pytest.approx([162.0])
+
+
+def waveforms(time: float, period: float) -> dict[str, dict[str, float]]:
+    """Angles of a walk [rad] as the KHR-3HV's, that grow from nothing in 0.4 s."""
+    table = {
+        "roll": (0.0, 2.5, 8.0, 0.0),
+        "hip_pitch": (16.0, -7.5, 7.0, 0.5),
+        "knee": (36.0, -1.0, 16.3, -0.6),
+        "ankle_pitch": (20.6, 6.5, 9.3, -1.1),
+    }
+    grown = np.radians(0.5 - 0.5 * np.cos(np.pi * min(time / 0.4, 1.0)))
+    legs: dict[str, dict[str, float]] = {}
+    for side, phase in (("l", 0.0), ("r", np.pi)):
+        angle = 2.0 * np.pi * time / period
+        legs[side] = {}
+        for name, row in table.items():
+            turn = angle if name == "roll" else angle + phase
+            basis = np.array([1.0, np.cos(turn), np.sin(turn), np.cos(2.0 * turn)])
+            for role in ("hip_roll", "ankle_roll") if name == "roll" else (name,):
+                legs[side][role] = float(grown * np.dot(row, basis))
+    return legs
+
+
+def walk(built: Built, *, mirrored: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Two seconds of walking: the centre of mass [m] (n, 3), the heights of both soles (n, 2)."""
+    plant = built.plant
+    context = built.diagram.CreateDefaultContext()
+    inner = plant.GetMyMutableContextFromRoot(context)
+    port = plant.get_desired_state_input_port(
+        plant.GetBodyByName(built.robot.base).model_instance()
+    )
+    order = [
+        plant.get_joint_actuator(index).joint().name() for index in plant.GetJointActuatorIndices()
+    ]
+    simulator = Simulator(built.diagram, context)
+    path, heights = [], []
+    for frame in range(100):
+        angles = waveforms(frame * 0.02, 0.8)
+        if mirrored:
+            turned = {
+                side: {role: -a if "roll" in role else a for role, a in leg.items()}
+                for side, leg in angles.items()
+            }
+            angles = {"l": turned["r"], "r": turned["l"]}
+        wanted = dict.fromkeys(order, 0.0)
+        for side, leg in built.robot.legs.items():
+            for role, (joint, sign) in leg.joints.items():
+                wanted[joint] = sign * angles[side][role]
+        port.FixValue(inner, [*wanted.values(), *(0.0 for _ in wanted)])
+        simulator.AdvanceTo((frame + 1) * 0.02)
+        path.append(built.com(inner))
+        heights.append(
+            [built.corners(inner, leg.foot)[2].min() for leg in built.robot.legs.values()]
+        )
+    return np.array(path), np.array(heights)
+
+
+def test_the_op3_walks_and_a_mirrored_gait_walks_a_mirrored_path(op3: Built) -> None:
+    path, heights = walk(op3, mirrored=False)
+    assert path[-1, 0] - path[0, 0] > 0.15
+    assert path[:, 2].min() > 0.24
+    assert (heights.max(axis=0) > 0.003).all()
+    # As far as the solver's tolerance allows: 0.01 mm.
+    twin, twin_heights = walk(op3, mirrored=True)
+    assert twin == pytest.approx(path @ MIRROR, abs=5e-5)
+    assert twin_heights == pytest.approx(heights[:, ::-1], abs=5e-5)
