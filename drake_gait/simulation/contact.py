@@ -22,6 +22,7 @@ from pydrake.geometry import (
     InMemoryMesh,
     Mesh,
     ProximityProperties,
+    RoleAssign,
     SceneGraph,
     Shape,
     Sphere,
@@ -29,8 +30,9 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 
+from drake_gait.errors import ModelError
 from drake_gait.gait import FloatArray
-from drake_gait.robot.sdf import FEET, FOOT_LINKS
+from drake_gait.robot.robot_file import RobotFile
 from drake_gait.sole import Contact, Sole
 
 GROUND_FRICTION = 1.0
@@ -60,28 +62,23 @@ class Plate:
     """Size along y [m]."""
     friction: CoulombFriction
     """Of its surface."""
-
-    @property
-    def is_left(self) -> bool:
-        """Return whether it is of the left foot."""
-        return self.link.endswith("_l")
-
-    @property
-    def is_toe(self) -> bool:
-        """Return whether it is a toe, whose rear edge is a hinge."""
-        return not self.link.startswith(FOOT_LINKS[0])
+    is_left: bool
+    """Whether it is of the left foot."""
+    is_toe: bool
+    """Whether it is a toe, whose rear edge is a hinge."""
 
 
-def plates(plant: MultibodyPlant, scene_graph: SceneGraph) -> list[Plate]:
+def plates(plant: MultibodyPlant, scene_graph: SceneGraph, robot: RobotFile) -> list[Plate]:
     """Find the under sides of a robot's feet, as its description puts them over the ground.
 
     Args:
         plant: A finalized one.
         scene_graph: Its shapes.
+        robot: Its file, which names the feet.
     """
     inspector, context = scene_graph.model_inspector(), plant.CreateDefaultContext()
     found = []
-    for link in FEET:
+    for link in robot.plates:
         body = plant.GetBodyByName(link)
         X_WL = plant.EvalBodyPoseInWorld(context, body)
         for geometry in plant.GetCollisionGeometriesForBody(body):
@@ -92,17 +89,69 @@ def plates(plant: MultibodyPlant, scene_graph: SceneGraph) -> list[Plate]:
             axes, (length, width, thickness) = _upright(X_WG.rotation(), np.array(box.size()))
             down = np.array([0.0, 0.0, -thickness / 2.0])
             X_WP = RigidTransform(axes, X_WG.translation() + axes @ down)
-            properties = inspector.GetProximityProperties(geometry)
             found.append(
                 Plate(
                     link=link,
                     X_LP=X_WL.inverse() @ X_WP,
                     length=length,
                     width=width,
-                    friction=cast(Any, properties).GetProperty("material", "coulomb_friction"),
+                    friction=_friction(inspector.GetProximityProperties(geometry)),
+                    is_left=robot.is_left(link),
+                    is_toe=robot.is_toe(link),
                 )
             )
     return found
+
+
+def _friction(properties: Any) -> CoulombFriction:
+    """Friction of a shape; 1 where its description tells none."""
+    known = properties.HasProperty("material", "coulomb_friction")
+    found = properties.GetProperty("material", "coulomb_friction") if known else None
+    return found or CoulombFriction(1.0, 1.0)
+
+
+def scale_friction(
+    plant: MultibodyPlant, scene_graph: SceneGraph, robot: RobotFile, factor: float
+) -> None:
+    """Give the contact of all shapes of a robot with the ground `factor` times its friction.
+
+    Args:
+        plant: One with the robot alone.
+        scene_graph: Its shapes.
+        robot: The robot's file.
+        factor: On the friction of each pair of shape and ground.
+
+    Raises:
+        ModelError: a friction cannot be multiplied by so much.
+    """
+    if factor == 1.0:
+        return
+    source, inspector = plant.get_source_id(), scene_graph.model_inspector()
+    if source is None:
+        raise ValueError("the plant has no scene graph")
+    for index in plant.GetBodyIndices(plant.GetBodyByName(robot.torso).model_instance()):
+        body = plant.get_body(index)
+        for geometry in plant.GetCollisionGeometriesForBody(body):
+            properties = ProximityProperties(inspector.GetProximityProperties(geometry))
+            own = _friction(properties)
+            scaled = CoulombFriction(
+                _scaled(own.static_friction(), factor, body.name()),
+                _scaled(own.dynamic_friction(), factor, body.name()),
+            )
+            cast(Any, properties).UpdateProperty("material", "coulomb_friction", scaled)
+            scene_graph.AssignRole(source, geometry, properties, RoleAssign.kReplace)
+
+
+def _scaled(surface: float, factor: float, link: str) -> float:
+    """Coefficient of a surface whose contact with the ground has `factor` times its friction."""
+    ground = GROUND_FRICTION
+    contact = factor * 2.0 * surface * ground / (surface + ground)
+    if not contact < 2.0 * ground:
+        raise ModelError(
+            f": no surface has {factor:g} times the friction {surface:g} of link '{link}' on the "
+            "ground; lower walk.friction"
+        )
+    return contact * ground / (2.0 * ground - contact)
 
 
 def _upright(R_WG: RotationMatrix, size: FloatArray) -> tuple[RotationMatrix, FloatArray]:
@@ -198,17 +247,18 @@ def ground_of(plant: MultibodyPlant) -> GeometryId:
     return ground
 
 
-def part_soles(plant: MultibodyPlant, scene_graph: SceneGraph) -> None:
+def part_soles(plant: MultibodyPlant, scene_graph: SceneGraph, robot: RobotFile) -> None:
     """Let soles touch nothing but the ground, and the boxes over them all but the ground.
 
     Args:
         plant: A finalized one with soles.
         scene_graph: Its shapes.
+        robot: Its file, which names the feet.
     """
     inspector, ground = scene_graph.model_inspector(), ground_of(plant)
     boxes: list[GeometryId] = []
     soles: list[GeometryId] = []
-    for link in FEET:
+    for link in robot.plates:
         for geometry in plant.GetCollisionGeometriesForBody(plant.GetBodyByName(link)):
             box = isinstance(inspector.GetShape(geometry), Box)
             (boxes if box else soles).append(geometry)

@@ -10,10 +10,9 @@ import numpy as np
 from pydrake.systems.framework import Context
 
 from drake_gait.errors import ModelError
-from drake_gait.foot import TOE_GAP, FootDesign
+from drake_gait.foot import FootDesign
 from drake_gait.gait import FloatArray
 from drake_gait.robot.description import RobotModel
-from drake_gait.robot.sdf import BASE, FEET, FOOT_LINKS, SIDES
 from drake_gait.simulation.plant import Robot, build_robot, sole_corners
 from drake_gait.simulation.plant_config import PlantConfig
 from drake_gait.sole import Sole
@@ -37,16 +36,16 @@ def check_placed(robot: Robot, plant_context: Context, model: RobotModel) -> Non
     Raises:
         ModelError: it is so.
     """
-    plant = robot.plant
-    R_WT = plant.EvalBodyPoseInWorld(plant_context, plant.GetBodyByName(BASE)).rotation().matrix()
+    plant, torso, feet = robot.plant, model.robot.torso, model.robot.plates
+    R_WT = plant.EvalBodyPoseInWorld(plant_context, plant.GetBodyByName(torso)).rotation().matrix()
     if not (R_WT[2, 2] > _LEVEL and R_WT[0, 0] > _LEVEL):
         raise ModelError(
-            f"{model}: the axes of '{BASE}' must be x forward, y left and z up in the world; turn "
+            f"{model}: the axes of '{torso}' must be x forward, y left and z up in the world; turn "
             "the link or the model"
         )
     lowest = min(
         float((plant.EvalBodyPoseInWorld(plant_context, body) @ sole_corners(robot, body))[2].min())
-        for body in (plant.GetBodyByName(name) for name in FEET)
+        for body in (plant.GetBodyByName(name) for name in feet)
     )
     if not abs(lowest) <= _HIGHEST_START:
         raise ModelError(
@@ -62,22 +61,26 @@ def check_toes(model: RobotModel) -> None:
     Raises:
         ModelError: a foot of another design has another outline, or toes of another size.
     """
+    outline = model.robot.outline
+    if outline is None:
+        return
     before = _extents(build_robot(PlantConfig(model=model, foot=None, sole=Sole.BOXES)))
     after = _extents(build_robot(PlantConfig(model=model, foot=_PROBE, sole=Sole.BOXES)))
-    for side, inward in zip(SIDES, (1.0, -1.0), strict=True):
-        was, now = ([found[f"{link}_{side}"] for link in FOOT_LINKS] for found in (before, after))
-        heel, big, lesser = now
-        gap = (big[0] - lesser[1])[1] if inward > 0.0 else (lesser[0] - big[1])[1]
+    for leg, inward in zip(model.robot.legs, (1.0, -1.0), strict=True):
+        was, now = ([found[link] for link in leg.plates] for found in (before, after))
+        heel, big, *lesser = now
+        gaps = [(big[0] - one[1])[1] if inward > 0.0 else (one[0] - big[1])[1] for one in lesser]
+        width = _PROBE.big_toe_width if lesser else outline.width
         fits = (
             np.allclose(_around(was), _around(now), rtol=0.0, atol=_SAME)
-            and np.allclose([toe[1][0] - toe[0][0] for toe in (big, lesser)], _PROBE.toe_length)
-            and np.allclose(big[1][1] - big[0][1], _PROBE.big_toe_width)
-            and abs(gap - TOE_GAP) < _SAME
-            and max(abs(toe[0][0] - heel[1][0]) for toe in (big, lesser)) < 0.5 * TOE_GAP + _SAME
+            and np.allclose([toe[1][0] - toe[0][0] for toe in (big, *lesser)], _PROBE.toe_length)
+            and np.allclose(big[1][1] - big[0][1], width)
+            and all(abs(gap - outline.gap) < _SAME for gap in gaps)
+            and max(abs(toe[0][0] - heel[1][0]) for toe in now[1:]) < 0.5 * outline.gap + _SAME
         )
         if not fits:
             raise ModelError(
-                f"{model}: foot_{side} with its toes cannot be given another design; their boxes "
+                f"{model}: {leg.foot} with its toes cannot be given another design; their boxes "
                 "must lie along x and y, the big toe inside, and each toe's link at its hinge, as "
                 "in khr3hv.sdf"
             )
@@ -88,7 +91,7 @@ def _extents(robot: Robot) -> dict[str, Extent]:
     plant = robot.plant
     context = plant.CreateDefaultContext()
     found = {}
-    for name in (f"{link}_{side}" for side in SIDES for link in FOOT_LINKS):
+    for name in robot.model.robot.plates:
         body = plant.GetBodyByName(name)
         corners = plant.EvalBodyPoseInWorld(context, body) @ sole_corners(robot, body)
         found[name] = corners.min(axis=1), corners.max(axis=1)
