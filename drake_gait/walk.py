@@ -142,8 +142,8 @@ class WalkSettings:
     """How the gait begins."""
     integrator: Integrator | None = None
     """Takes the place of the fidelity's own; for comparisons."""
-    servo: Servo = field(default_factory=Servo)
-    """The ten servos."""
+    servo: Servo | None = None
+    """Servos of all joints; None: those of the robot's file, see `robot.description.servo_of`."""
     friction: float = 1.0
     """Factor on every coefficient of friction between the feet and the ground."""
     disturbance: Disturbance | None = None
@@ -171,7 +171,8 @@ class WalkSettings:
     @property
     def delay(self) -> float:
         """Time by which the servos act on every command late [s]."""
-        return self.servo.delay + (self.disturbance.delay if self.disturbance else 0.0)
+        parts = (self.servo, self.disturbance)
+        return sum(part.delay for part in parts if part is not None)
 
     @property
     def stepping(self) -> Integrator:

@@ -32,7 +32,8 @@ from drake_gait.robot.robot_file import (
 )
 from drake_gait.robot.sdf import Format
 from drake_gait.robot.sdf_checks import checked, named_files
-from drake_gait.walk import DEFAULT_MODEL
+from drake_gait.servo import Servo
+from drake_gait.walk import DEFAULT_MODEL, WalkSettings
 
 _MESHES = (".obj", ".gltf", ".vtk")
 """Kinds of meshes that Drake computes with and shows."""
@@ -172,12 +173,13 @@ def model_path(model: str | Path = DEFAULT_MODEL) -> Path:
     return path
 
 
-def located(model: str, folder: Path) -> str:
+def located(model: str, folder: Path, key: str = "walk.model") -> str:
     """A robot's name that means the same from any folder.
 
     Args:
         model: As somebody wrote it: a shipped robot's name, or a path.
         folder: Where a path begins: the folder of the file that names it.
+        key: The setting that names it, for messages.
 
     Raises:
         SettingsError: it is the name of a shipped robot, and of another one in this folder.
@@ -190,7 +192,7 @@ def located(model: str, folder: Path) -> str:
             other = False
         if other:
             raise SettingsError(
-                f"walk.model = '{model}' is a shipped robot and another one in {folder}; write "
+                f"{key} = '{model}' is a shipped robot and another one in {folder}; write "
                 f"'./{model}' for the one in the folder, or rename it"
             )
         return model
@@ -244,6 +246,28 @@ def read_model(model: Model = DEFAULT_MODEL, robot: str | Path = "") -> RobotMod
         files=found,
         sha256=_sha256(content, found, told),
     )
+
+
+def robot_of(model: Model, robot: str | Path = "") -> RobotFile:
+    """Return the robot's file of what `read_model` reads, without reading the model.
+
+    Raises:
+        ModelError: there is none, or it cannot be used.
+    """
+    if isinstance(model, RobotModel):
+        return model.robot
+    if is_robot_file(model):
+        return read_robot_file(model)
+    return read_robot_file(robot) if robot else default_robot()
+
+
+def servo_of(settings: WalkSettings) -> Servo:
+    """Return the servos of a walk: its own, or those of its robot's file.
+
+    Raises:
+        ModelError: the robot's file cannot be used.
+    """
+    return settings.servo or robot_of(settings.model, settings.robot).servo
 
 
 def _model_of(robot: RobotFile, path: Path) -> Path:

@@ -18,6 +18,7 @@ from typing import Any
 
 from drake_gait.errors import ModelError, SettingsError
 from drake_gait.files.text import read_text
+from drake_gait.foot import N_MM_PER_DEG
 from drake_gait.gait import JOINTS
 from drake_gait.ranges import DEGREES, MM, NONE, OutOfRangeError, Range, Unit, check
 from drake_gait.servo import KEYS as SERVO
@@ -53,6 +54,10 @@ class Toe:
     """Name of its link."""
     hinge: str
     """Name of its joint."""
+    stiffness: float | None = None
+    """Stiffness of its spring [N·m/rad]; None: the model has one, or toes are designed."""
+    damping: float | None = None
+    """Damping of its hinge [N·m·s/rad]; None: the model's."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,6 +173,15 @@ class RobotFile:
         return link not in (leg.foot for leg in self.legs)
 
     @property
+    def foot_fields(self) -> frozenset[str]:
+        """Return the fields of `FootDesign` that mean something on its feet."""
+        if self.outline is None:
+            return frozenset()
+        one = {"big_toe_stiffness", "toe_damping", "toe_length", "rigid_toes"}
+        both = {"lesser_toes_stiffness", "big_toe_width"}
+        return frozenset(one | both if self.legs[0].toes[1] else one)
+
+    @property
     def identity(self) -> str:
         """Return the meaning of its text: all of its keys but the names, and no comments."""
         content = tomllib.loads(self.text)
@@ -265,6 +279,8 @@ _SIZE = Range(lower=0.0, upper=10.0, open=True)  # m
 _LEAN = Range(lower=math.radians(5.0), upper=math.radians(90.0))
 _PART = Range(lower=0.1, upper=1.0, open=True)
 _TORQUE = Range(lower=0.0, upper=1e4, open=True)
+_STIFFNESS, _DAMPING = "stiffness_n_mm_per_deg", "damping_n_m_s_per_rad"
+_N_MM_DEG = Unit(name="N·mm/deg", si=N_MM_PER_DEG)
 _N_M, _N = Unit(name="N·m"), Unit(name="N")
 
 
@@ -339,8 +355,10 @@ def _toe(key: str, value: Any) -> Toe | None:
         return None
     if not isinstance(value, Mapping):
         raise ModelError(f'{key} must be {{ link = "...", hinge = "..." }}, got {value!r}')
-    _known(f"key of {key}", value, ("link", "hinge"))
+    _known(f"key of {key}", value, ("link", "hinge", _STIFFNESS, _DAMPING))
     return Toe(
+        stiffness=_number(f"{key}.{_STIFFNESS}", value.get(_STIFFNESS), _N_MM_DEG, _TORQUE),
+        damping=_number(f"{key}.{_DAMPING}", value.get(_DAMPING), NONE, Range(lower=0.0)),
         link=_word(f"{key}.link", value.get("link")),
         hinge=_word(f"{key}.hinge", value.get("hinge")),
     )

@@ -92,7 +92,7 @@ def checked(content: bytes, robot: RobotFile) -> Description:
         description.model()
         _check_numbers(description)
     else:
-        _check_attributes(description)
+        _check_attributes(description, robot)
     _check_names(description, robot)
     if description.format is Format.SDF:
         for link in description.elements("link"):
@@ -142,13 +142,19 @@ def efforts(content: bytes, robot: RobotFile) -> dict[str, float]:
     }
 
 
-def _check_attributes(description: Description) -> None:
+def _check_attributes(description: Description, robot: RobotFile) -> None:
     """Refuse an attribute of which one word is a number and another begins like one."""
     for element in description.root.iter():
         for key, value in element.attrib.items():
             if key in _WORDS or key.startswith("xmlns"):
                 continue
             _check_text(description, element, f"{key} of <{element.tag}>", value, ())
+            if key == "stiffness" and element.get("name") not in (None, *robot.hinges):
+                raise description.refusal(
+                    element,
+                    f"joint '{element.get('name')}' has a stiffness, which Drake does not read; "
+                    "remove it",
+                )
             if (element.tag, key) == ("mass", "value") or key == "mass":
                 _check_mass(description, element, value)
 

@@ -11,6 +11,7 @@ from typing import Any, cast
 import numpy as np
 from pydrake.common import MemoryFile
 from pydrake.geometry import (
+    AddCompliantHydroelasticProperties,
     AddCompliantHydroelasticPropertiesForHalfSpace,
     AddContactMaterial,
     AddRigidHydroelasticProperties,
@@ -40,6 +41,8 @@ GROUND_FRICTION = 1.0
 
 _FALLEN_STIFFNESS = 2e5
 """Of points of other limbs with the ground of `area`, which only a fallen robot has [N/m]."""
+_BOX_MODULUS, _BOX_DISSIPATION, _BOX_SIZE = 1e6, 5.0, 0.01
+"""Of boxes whose model tells none, as the KHR-3HV's [Pa], [s/m]; a box is meshed without [m]."""
 _RADIUS = 5e-4
 """Of a sphere at a plate's corner [m]."""
 _PROUD = 1e-6
@@ -110,6 +113,27 @@ def _friction(properties: Any) -> CoulombFriction:
     return found or CoulombFriction(1.0, 1.0)
 
 
+def soften_boxes(plant: MultibodyPlant, scene_graph: SceneGraph, robot: RobotFile) -> None:
+    """Make boxes of the feet compliant that are not, as those of URDF and MJCF mostly are.
+
+    Args:
+        plant: One with the robot alone.
+        scene_graph: Its shapes.
+        robot: The robot's file, which names the feet.
+    """
+    source, inspector = plant.get_source_id(), scene_graph.model_inspector()
+    for link in robot.plates:
+        for geometry in plant.GetCollisionGeometriesForBody(plant.GetBodyByName(link)):
+            properties = ProximityProperties(cast(Any, inspector.GetProximityProperties(geometry)))
+            box = isinstance(inspector.GetShape(geometry), Box)
+            if box and not properties.HasProperty("hydroelastic", "hydroelastic_modulus"):
+                AddCompliantHydroelasticProperties(_BOX_SIZE, _BOX_MODULUS, properties)
+                cast(Any, properties).UpdateProperty(
+                    "material", "hunt_crossley_dissipation", _BOX_DISSIPATION
+                )
+                scene_graph.AssignRole(cast(Any, source), geometry, properties, RoleAssign.kReplace)
+
+
 def scale_friction(
     plant: MultibodyPlant, scene_graph: SceneGraph, robot: RobotFile, factor: float
 ) -> None:
@@ -127,19 +151,17 @@ def scale_friction(
     if factor == 1.0:
         return
     source, inspector = plant.get_source_id(), scene_graph.model_inspector()
-    if source is None:
-        raise ValueError("the plant has no scene graph")
     for index in plant.GetBodyIndices(plant.GetBodyByName(robot.torso).model_instance()):
         body = plant.get_body(index)
         for geometry in plant.GetCollisionGeometriesForBody(body):
-            properties = ProximityProperties(inspector.GetProximityProperties(geometry))
+            properties = ProximityProperties(cast(Any, inspector.GetProximityProperties(geometry)))
             own = _friction(properties)
             scaled = CoulombFriction(
                 _scaled(own.static_friction(), factor, body.name()),
                 _scaled(own.dynamic_friction(), factor, body.name()),
             )
             cast(Any, properties).UpdateProperty("material", "coulomb_friction", scaled)
-            scene_graph.AssignRole(source, geometry, properties, RoleAssign.kReplace)
+            scene_graph.AssignRole(cast(Any, source), geometry, properties, RoleAssign.kReplace)
 
 
 def _scaled(surface: float, factor: float, link: str) -> float:

@@ -49,6 +49,7 @@ from drake_gait.simulation.contact import (
     part_soles,
     plates,
     scale_friction,
+    soften_boxes,
 )
 from drake_gait.simulation.messages import drake_messages, in_one_line, without_folders
 from drake_gait.simulation.meter import Meter
@@ -163,6 +164,8 @@ def add_robot(
                 if _is_placed(model):
                     plant.SetDefaultFloatingBaseBodyPose(plant.GetBodyByName(robot.torso), X_WT)
                 add_soles(plant, feet, sole, contact)
+        if sole is Sole.BOXES:
+            soften_boxes(plant, scene_graph, robot)
         scale_friction(plant, scene_graph, robot, config.friction)
         add_ground(plant, sole, contact)
         _add_servos(plant, config.servo, model)
@@ -241,12 +244,32 @@ def _add_model(
                 joint = cast(RevoluteJoint, plant.GetJointByName(name))
                 rest, stiffness = spring.default_nominal_angle(), spring.default_stiffness()
                 plant.AddForceElement(RevoluteSpring(joint, rest, stiffness))
+    _add_toe_springs(plant, robot)
     for name, angle in robot.standing or ():
         if not plant.HasJointNamed(name):
             continue  # It is welded there.
         joint = cast(RevoluteJoint, plant.GetJointByName(name))
         _check_standing(joint, angle)
         joint.set_default_angle(angle)
+
+
+def _add_toe_springs(plant: MultibodyPlant, robot: RobotFile) -> None:
+    """Add the springs of toes that the robot's file tells of: Drake reads none of URDF and MJCF."""
+    sprung = {spring.joint().name() for spring in _springs(plant)}
+    for toe in (toe for leg in robot.legs for toe in leg.toes if toe is not None):
+        joint = plant.GetJointByName(toe.hinge)
+        if not isinstance(joint, RevoluteJoint):
+            continue  # What is wrong with it is told later; or it is rigid.
+        if toe.stiffness is not None:
+            if toe.hinge in sprung:
+                raise ModelError(
+                    f": joint '{toe.hinge}' has a spring in the model, and another one in the "
+                    "robot's file; remove one"
+                )
+            plant.AddForceElement(RevoluteSpring(joint, 0.0, toe.stiffness))
+        if toe.damping is not None:
+            damping: FloatArray = np.array([toe.damping])
+            joint.set_default_damping_vector(damping)
 
 
 def _check_standing(joint: Joint, angle: float) -> None:
@@ -368,7 +391,8 @@ def _check_plant(plant: MultibodyPlant, robot: RobotFile, *, rigid_toes: bool) -
     for name in hinges:
         if name not in sprung:
             raise ModelError(
-                f": joint '{name}' has no spring; give its <dynamics> a <spring_stiffness> > 0"
+                f": joint '{name}' has no spring; give its <dynamics> a <spring_stiffness> > 0, or "
+                "the toe of the robot's file a stiffness_n_mm_per_deg"
             )
     known = (*robot.joints, *robot.hinges)
     for actuator in actuators(plant):

@@ -18,7 +18,7 @@ from drake_gait.errors import ModelError, SettingsError
 from drake_gait.foot import FootDesign
 from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray, joint_commands
 from drake_gait.problem import Candidate, Needs, Trial, evaluated
-from drake_gait.robot.description import RobotModel, read_model
+from drake_gait.robot.description import RobotModel, read_model, servo_of
 from drake_gait.simulation.measures import measures_of
 from drake_gait.simulation.messages import default_context, drake_messages
 from drake_gait.simulation.observer import Observer
@@ -137,7 +137,7 @@ def follow(
         ModelError: the robot description cannot be used.
     """
     commands = joint_commands(commands)
-    foot, settings = foot or FootDesign(), settings or WalkSettings()
+    foot, settings = foot or FootDesign(), _whole(settings or WalkSettings())
     if settings.engine is Engine.MUJOCO:
         return follow_in_mujoco()(commands, foot, settings, history=history, watch=watch)
     robot, context = prepare(commands, foot, settings)
@@ -155,6 +155,7 @@ def measured_at_every_step(candidate: Candidate, settings: WalkSettings) -> tupl
     Raises:
         ModelError: the robot description cannot be used.
     """
+    settings = _whole(settings)
     commands = candidate.gait.commands_from(settings.start)
     robot, context = prepare(commands, candidate.foot, settings)
     observer, sent = _observer(robot, commands, settings), _sent(robot, commands, settings)
@@ -162,6 +163,11 @@ def measured_at_every_step(candidate: Candidate, settings: WalkSettings) -> tupl
         walk = _advance(robot, context, settings, sent, observer=observer, monitored=True)
     measures = observer.measures(observer.history(), walk.forward, walk.yaw_swing or 0.0)
     return walk, measures
+
+
+def _whole(settings: WalkSettings) -> WalkSettings:
+    """Return settings with the servos that a walk has."""
+    return replace(settings, servo=servo_of(settings))
 
 
 def follow_in_mujoco() -> Callable[..., Walk]:
@@ -185,6 +191,7 @@ def try_out(candidate: Candidate, settings: WalkSettings) -> None:
     Raises:
         ModelError: the robot cannot be used.
     """
+    settings = _whole(settings)
     commands, foot = candidate.gait.commands_from(settings.start), candidate.foot
     if settings.engine is Engine.MUJOCO:
         walk = follow_in_mujoco()(commands, foot, settings, history=True, frames=_TRIED_OUT)
@@ -210,7 +217,7 @@ def prepare(
     config = PlantConfig(
         model=model,
         foot=foot.body if model.robot.outline is not None else None,
-        servo=settings.servo,
+        servo=servo_of(settings),
         sole=settings.sole,
         contact=settings.contact,
         friction=settings.friction,

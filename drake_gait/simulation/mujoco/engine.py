@@ -15,7 +15,7 @@ from pydrake.systems.framework import Context
 from drake_gait.errors import ModelError
 from drake_gait.foot import FootDesign
 from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray
-from drake_gait.robot.description import read_model
+from drake_gait.robot.description import read_model, servo_of
 from drake_gait.simulation.command_source import commands_at
 from drake_gait.simulation.measures import measures_of
 from drake_gait.simulation.messages import default_context
@@ -210,7 +210,7 @@ def follow(
     config = PlantConfig(
         model=model,
         foot=foot if model.robot.outline is not None else None,
-        servo=settings.servo,
+        servo=servo_of(settings),
         sole=settings.sole,
         contact=settings.contact,
         friction=settings.friction,
