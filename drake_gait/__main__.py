@@ -29,6 +29,7 @@ COMMANDS = (
     "play",
     "overlay",
     "identify",
+    "check",
 )
 """Modules of `cli` that are commands."""
 

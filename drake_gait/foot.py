@@ -9,11 +9,6 @@ from drake_gait.ranges import Range, Unit, check
 N_MM_PER_DEG = 1e-3 * 180.0 / math.pi
 """One N·mm/deg in N·m/rad."""
 
-FOOT_WIDTH = 0.078
-"""Width of the whole foot [m]."""
-TOE_GAP = 0.001
-"""Gap between big toe and lesser toes [m]."""
-
 DESIGN_LIMITS = {
     "big_toe_stiffness": (0.02 * N_MM_PER_DEG, 5.0 * N_MM_PER_DEG),
     "lesser_toes_stiffness": (0.02 * N_MM_PER_DEG, 5.0 * N_MM_PER_DEG),
@@ -43,7 +38,7 @@ SEARCHED_IN_LOG = frozenset({"big_toe_stiffness", "lesser_toes_stiffness", "toe_
 class FootDesign:
     """Two passive spring toes side by side, alike on both feet. Defaults are the paper's foot.
 
-    Whatever the toes are, the outline of the foot stays: 123 mm by FOOT_WIDTH.
+    Whatever the toes are, the outline of the foot stays, which the robot's file tells.
     """
 
     big_toe_stiffness: float = 0.52 * N_MM_PER_DEG
@@ -53,7 +48,7 @@ class FootDesign:
     toe_damping: float = 2.0e-4
     """Damping of each toe hinge [N·m·s/rad]; the paper gives none."""
     big_toe_width: float = 0.022
-    """Width of the big toe [m]; the lesser toes take the rest of the foot less TOE_GAP."""
+    """Width of the big toe [m]; the lesser toes take the rest of the foot."""
     toe_length: float = 0.028
     """From the hinges of both toes to their tips [m]; the heel part takes the rest of the foot."""
     rigid_toes: bool = False
@@ -65,11 +60,6 @@ class FootDesign:
             check(name, getattr(self, name), allowed, Unit(name=DESIGN_UNITS[name]))
         if not isinstance(self.rigid_toes, bool):
             raise SettingsError(f"rigid_toes must be true or false, got {self.rigid_toes!r}")
-
-    @property
-    def lesser_toes_width(self) -> float:
-        """Width left for the lesser toes [m]."""
-        return FOOT_WIDTH - self.big_toe_width - TOE_GAP
 
     @property
     def body(self) -> "FootDesign":

@@ -58,7 +58,7 @@ def open_study(settings: StudySettings, folder: Path, proposer: Proposer | None 
         StudyError: the folder holds another study, or another driver has it.
     """
     path = folder / "study.db"
-    model = read_model(settings.walk.model)
+    model = read_model(settings.walk.model, settings.walk.robot)
     wanted = _wanted(settings, model)
     if not path.exists():
         absent = [one.name for one in settings.quantities if not one.at_hand]
@@ -101,7 +101,7 @@ def is_finished(settings: StudySettings, folder: Path) -> bool:
     if not path.exists():
         return False
     with Study.open(path) as study:
-        study.require(_wanted(settings, read_model(settings.walk.model)))
+        study.require(_wanted(settings, read_model(settings.walk.model, settings.walk.robot)))
         known = study.description()
     budget = known["settings"]["search.simulations"]
     return "finished" in known and budget == settings.search.simulations

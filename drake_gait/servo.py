@@ -1,13 +1,15 @@
 """The position servos of the ten leg joints."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drake_gait.ranges import DEGREES, MS, NONE, Range, Unit, check
+from drake_gait.ranges import DEGREES, MS, NONE, RAD_PER_S, Range, Unit, check
 
 _Array = NDArray[np.float64]
 
@@ -21,6 +23,20 @@ _RANGES = {
     "voltage": (Range(lower=0.5, upper=2.0), NONE),
 }
 """What a field may be, with the unit that a message has it in; others are above 0."""
+
+KEYS: Mapping[str, tuple[str, Unit]] = MappingProxyType(
+    {
+        "stiffness_n_m_per_rad": ("stiffness", Unit(name="N·m/rad")),
+        "damping_n_m_s_per_rad": ("damping", Unit(name="N·m·s/rad")),
+        "no_load_speed_rad_per_s": ("no_load_speed", RAD_PER_S),
+        "coulomb_friction_n_m": ("coulomb_friction", Unit(name="N·m")),
+        "load_friction": ("load_friction", NONE),
+        "backlash_deg": ("backlash", DEGREES),
+        "delay_ms": ("delay", MS),
+        "voltage": ("voltage", NONE),
+    }
+)
+"""Keys of [servo] in a file, with the field that each sets and the unit that it is in."""
 
 CREEP = 0.005
 """Speed below which dry friction grows in proportion to the speed [rad/s]: 0.3 degrees/s."""

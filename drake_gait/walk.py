@@ -17,12 +17,9 @@ if TYPE_CHECKING:
     from drake_gait.robot.description import RobotModel
 
 DEFAULT_MODEL = "khr3hv.sdf"
-"""The shipped robot that walks when none is named."""
-
-FALL_TILT = math.radians(45.0)
-"""The robot has fallen when its torso leans further than this from upright [rad]."""
-FALL_HEIGHT = 0.8
-"""The robot has fallen when its torso is below this part of its standing height."""
+"""The shipped model that walks when none is named."""
+DEFAULT_ROBOT = "khr3hv.toml"
+"""The shipped robot's file of every model that comes without one."""
 
 
 class Fidelity(StrEnum):
@@ -125,7 +122,12 @@ class WalkSettings:
     """Settings of the simulation of a candidate."""
 
     model: "str | Path | RobotModel" = DEFAULT_MODEL
-    """Robot description: an SDF file, the name of a shipped one, or one that has been read."""
+    """Robot: its file (.toml) or a model, by path or by a shipped name, or one that was read.
+
+    A model alone is an edited KHR-3HV.
+    """
+    robot: str | Path = ""
+    """The robot's file that tells of another `model` than its own."""
     engine: Engine = Engine.DRAKE
     """What simulates; MuJoCo needs the extra of its name."""
     fidelity: Fidelity = Fidelity.SEARCH
@@ -140,8 +142,8 @@ class WalkSettings:
     """How the gait begins."""
     integrator: Integrator | None = None
     """Takes the place of the fidelity's own; for comparisons."""
-    servo: Servo = field(default_factory=Servo)
-    """The ten servos."""
+    servo: Servo | None = None
+    """Servos of all joints; None: those of the robot's file, see `robot.description.servo_of`."""
     friction: float = 1.0
     """Factor on every coefficient of friction between the feet and the ground."""
     disturbance: Disturbance | None = None
@@ -169,7 +171,8 @@ class WalkSettings:
     @property
     def delay(self) -> float:
         """Time by which the servos act on every command late [s]."""
-        return self.servo.delay + (self.disturbance.delay if self.disturbance else 0.0)
+        parts = (self.servo, self.disturbance)
+        return sum(part.delay for part in parts if part is not None)
 
     @property
     def stepping(self) -> Integrator:

@@ -9,7 +9,6 @@ from drake_gait.errors import SettingsError
 from drake_gait.foot import (
     DESIGN_LIMITS,
     DESIGN_UNITS,
-    FOOT_WIDTH,
     N_MM_PER_DEG,
     SEARCHED_IN_LOG,
     FootDesign,
@@ -24,19 +23,13 @@ def test_the_default_foot_is_the_paper_s():
     assert foot.big_toe_stiffness == pytest.approx(0.0298, abs=5e-5)
     assert foot.lesser_toes_stiffness == pytest.approx(0.0149, abs=5e-5)
     assert foot.big_toe_width == 0.022
-    assert round(foot.big_toe_width / FOOT_WIDTH, 2) == 0.28
+    assert round(foot.big_toe_width / 0.078, 2) == 0.28
     assert foot.toe_length == pytest.approx(0.123 - 0.095)
     assert not foot.rigid_toes
 
 
 def test_one_newton_millimetre_per_degree_is_0_0573_newton_metres_per_radian():
     assert pytest.approx(0.001 / np.radians(1.0)) == N_MM_PER_DEG
-
-
-def test_both_toes_and_their_gap_are_as_wide_as_the_foot():
-    foot = FootDesign(big_toe_width=0.030)
-    assert foot.lesser_toes_width == pytest.approx(0.047)
-    assert foot.big_toe_width + 0.001 + foot.lesser_toes_width == pytest.approx(0.078)
 
 
 def test_every_field_of_the_foot_has_limits_and_a_default_within():

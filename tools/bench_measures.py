@@ -26,9 +26,8 @@ from bench_walk import walks_of_box
 
 from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray
 from drake_gait.problem import Candidate
-from drake_gait.robot.sdf import FEET
+from drake_gait.robot.robot_file import default_robot
 from drake_gait.simulation import simulate as simulation
-from drake_gait.simulation.measures import LOADED
 from drake_gait.sole import Sole
 from drake_gait.study.finalists import winner
 from drake_gait.study.reading import default_study
@@ -177,10 +176,10 @@ def definitions(found: dict[str, tuple[Candidate, WalkSettings]]) -> None:
             rows = slice(3 * foot, 3 * foot + 3)
             loads, sliding = record.loads[rows], record.sliding[rows]
             plate, instants = loads.argmax(axis=0), np.arange(len(seen))
-            loaded = loads[plate, instants] > LOADED
+            loaded = loads[plate, instants] > default_robot().load
             centre = np.where(loaded, sliding[plate, instants], 0.0)
             middle, corners, turning = np.zeros((3, len(seen)))
-            for number, link in enumerate(FEET[rows]):
+            for number, link in enumerate(default_robot().plates[rows]):
                 of_it = loaded & (plate == number)
                 motion, tread = motions[link]
                 points = tread.corners

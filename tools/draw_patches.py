@@ -89,7 +89,9 @@ def prints(candidate: Candidate, settings: WalkSettings) -> Iterator[Print]:
 def look(robot: Robot, plant_context: Any, time: float) -> Print:
     """Return what is under the right foot in a context of the plant."""
     plant = robot.plant
-    under = [plate for plate in plates(plant, robot.scene_graph) if not plate.is_left]
+    under = [
+        plate for plate in plates(plant, robot.scene_graph, robot.model.robot) if not plate.is_left
+    ]
     heel = next(plate for plate in under if not plate.is_toe)
     X_WH = plant.EvalBodyPoseInWorld(plant_context, plant.GetBodyByName(heel.link)) @ heel.X_LP
     yaw = RollPitchYaw(X_WH.rotation()).yaw_angle()
@@ -139,7 +141,7 @@ def touching(robot: Robot, plant_context: Any, X_FW: RigidTransform) -> Touching
     ground = ground_of(plant)
     right = {
         geometry
-        for plate in plates(plant, robot.scene_graph)
+        for plate in plates(plant, robot.scene_graph, robot.model.robot)
         if not plate.is_left
         for geometry in plant.GetCollisionGeometriesForBody(plant.GetBodyByName(plate.link))
     }

@@ -16,6 +16,7 @@ from drake_gait.hardware.checks import violations
 from drake_gait.hardware.motion import Motion, table_as_csv, to_csv
 from drake_gait.hardware.servo_map import ServoMap, read_servo_map
 from drake_gait.report.result import in_words
+from drake_gait.robot.description import servo_of
 from drake_gait.simulation.self_collision import leg_gaps
 from drake_gait.simulation.simulate import follow
 
@@ -50,7 +51,7 @@ def prepare_motion(options: argparse.Namespace, told: TextIO) -> Prepared:
     commands = chosen.candidate.gait.commands_from(as_then.start)
     motion = Motion(angles=commands)
     print(f"{caption}: {_jumps(motion)}", file=told)
-    speed = as_then.servo.no_load_speed
+    speed = servo_of(as_then).no_load_speed
     if options.soften is not None:
         if not 0.0 < options.soften <= 1.0:
             raise SettingsError(

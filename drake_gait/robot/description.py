@@ -21,8 +21,19 @@ from typing import Any
 from urllib.parse import quote, unquote
 
 from drake_gait.errors import ModelError, SettingsError
-from drake_gait.robot.sdf_checks import named_files
-from drake_gait.walk import DEFAULT_MODEL
+from drake_gait.robot.robot_file import (
+    RobotFile,
+    default_robot,
+    is_robot_file,
+    parsed,
+    read_robot_file,
+    robot_path,
+    shipped_robots,
+)
+from drake_gait.robot.sdf import Format
+from drake_gait.robot.sdf_checks import checked, named_files
+from drake_gait.servo import Servo
+from drake_gait.walk import DEFAULT_MODEL, WalkSettings
 
 _MESHES = (".obj", ".gltf", ".vtk")
 """Kinds of meshes that Drake computes with and shows."""
@@ -51,14 +62,26 @@ class RobotModel:
     name: str = field(compare=False)
     """How the user names it, for messages."""
     content: bytes = field(compare=False, repr=False)
-    """The bytes of the file."""
+    """The bytes of the model's file."""
+    robot: RobotFile = field(default_factory=default_robot, compare=False, repr=False)
+    """The robot's file: names and numbers beside the model."""
     files: tuple[ModelFile, ...] = field(default=(), compare=False, repr=False)
     """The meshes that it names, with all that they need."""
     sha256: str
-    """Fingerprint of the file and its meshes; without meshes, of the file alone."""
+    """Fingerprint of the model, its meshes and, unless it is the KHR-3HV's, the robot's file."""
 
     def __str__(self) -> str:
         return self.name
+
+    @property
+    def format(self) -> Format:
+        """Return the format of its model."""
+        return checked(self.content, self.robot).format
+
+    @property
+    def place(self) -> str:
+        """Return how a message about its model begins."""
+        return f"{self.name}: {self.robot.model}" if is_robot_file(self.name) else self.name
 
     def for_walks(self) -> "RobotModel":
         """The same robot without the files that are only seen, for a worker."""
@@ -81,7 +104,13 @@ class RobotModel:
             for file in self.files
         ]
         text = {"text": content} if content is not None else {"content": _packed(self.content)}
-        return {"name": self.name, "sha256": self.sha256, **text, "files": others}
+        return {
+            "name": self.name,
+            "sha256": self.sha256,
+            **text,
+            "files": others,
+            "robot": self.robot.text,
+        }
 
     @classmethod
     def from_plain(cls, plain: Mapping[str, Any]) -> "RobotModel":
@@ -97,11 +126,16 @@ class RobotModel:
                 ModelFile(**{**file, "content": _unpacked(file["content"])})
                 for file in plain["files"]
             )
+            # Older studies keep no robot's file: they walk the KHR-3HV.
+            text = plain.get("robot")
+            robot = default_robot() if text is None else parsed(text, "the robot's file")
+            sha256 = plain["sha256"]
+            # It is left out of that of a KHR-3HV, as that of its time was.
+            intact = sha256 in (_sha256(content, others, robot), _sha256(content, others))
             found = cls(
-                name=plain["name"], content=content, files=others, sha256=_sha256(content, others)
+                name=plain["name"], content=content, files=others, robot=robot, sha256=sha256
             )
-            intact = found.sha256 == plain["sha256"]
-        except (AttributeError, KeyError, TypeError, ValueError, zlib.error):
+        except (AttributeError, KeyError, ModelError, TypeError, ValueError, zlib.error):
             intact = False
         if not intact:
             raise ModelError("the robot that the study keeps is damaged; put back a copy")
@@ -109,7 +143,7 @@ class RobotModel:
 
 
 Model = str | Path | RobotModel
-"""A robot description: a path, the name of a shipped one, or one that has been read."""
+"""A robot: a path or the name of a shipped one, of a robot's file or of a model; or one read."""
 
 
 def models_folder() -> Path:
@@ -131,20 +165,21 @@ def model_path(model: str | Path = DEFAULT_MODEL) -> Path:
     if not path.is_file():
         there = path.exists()
         raise ModelError(
-            f"robot description '{model}' is no file; give an SDF file"
+            f"robot description '{model}' is no file; give an SDF, URDF, MJCF or robot's file"
             if there
-            else f"no robot description '{model}'; give a path to an SDF file, or one of "
-            f"{', '.join(_shipped_names())}"
+            else f"no robot description '{model}'; give a path to an SDF, URDF, MJCF or robot's "
+            f"file, or one of {', '.join(_shipped_names())}"
         )
     return path
 
 
-def located(model: str, folder: Path) -> str:
+def located(model: str, folder: Path, key: str = "walk.model") -> str:
     """A robot's name that means the same from any folder.
 
     Args:
         model: As somebody wrote it: a shipped robot's name, or a path.
         folder: Where a path begins: the folder of the file that names it.
+        key: The setting that names it, for messages.
 
     Raises:
         SettingsError: it is the name of a shipped robot, and of another one in this folder.
@@ -157,7 +192,7 @@ def located(model: str, folder: Path) -> str:
             other = False
         if other:
             raise SettingsError(
-                f"walk.model = '{model}' is a shipped robot and another one in {folder}; write "
+                f"{key} = '{model}' is a shipped robot and another one in {folder}; write "
                 f"'./{model}' for the one in the folder, or rename it"
             )
         return model
@@ -166,31 +201,81 @@ def located(model: str, folder: Path) -> str:
 
 def _shipped(model: str) -> Path | None:
     """Path of the shipped robot of this name."""
+    if model in shipped_robots():
+        return robot_path(model)
     return models_folder() / model if model in _shipped_names() else None
 
 
 def _shipped_names() -> list[str]:
-    return sorted(path.name for path in models_folder().glob("*.sdf"))
+    models = sorted(path.name for path in models_folder().glob("*.sdf"))
+    return [*models, *shipped_robots()]
 
 
-def read_model(model: Model = DEFAULT_MODEL) -> RobotModel:
-    """Read a robot description with the meshes that it names.
+def read_model(model: Model = DEFAULT_MODEL, robot: str | Path = "") -> RobotModel:
+    """Read a robot: its file, its model, and the meshes that the model names.
+
+    Args:
+        model: The robot's file, or its model.
+        robot: The robot's file of a model; that of the KHR-3HV by default.
 
     Raises:
-        ModelError: there is no such file, it is no SDFormat, or a mesh cannot be read.
+        ModelError: there is no such file, it is no robot's, or a mesh cannot be read.
     """
     if isinstance(model, RobotModel):
         return model
-    path = model_path(model)
+    if is_robot_file(model):
+        if robot:
+            raise ModelError(f"'{model}' and '{robot}' are two robot's files; give one of them")
+        told = read_robot_file(model)
+        path = _model_of(told, robot_path(model))
+    else:
+        told = read_robot_file(robot) if robot else default_robot()
+        path = model_path(model)
     try:
         content = path.read_bytes()
     except OSError as error:
         raise ModelError(f"cannot read {path}: {error.strerror}") from None
     try:
-        found = _files(content, path.absolute().parent)
+        found = _files(content, path.absolute().parent, told)
     except ModelError as error:
         raise ModelError(f"{path}{error}") from None
-    return RobotModel(name=str(model), content=content, files=found, sha256=_sha256(content, found))
+    return RobotModel(
+        name=str(model),
+        content=content,
+        robot=told,
+        files=found,
+        sha256=_sha256(content, found, told),
+    )
+
+
+def robot_of(model: Model, robot: str | Path = "") -> RobotFile:
+    """Return the robot's file of what `read_model` reads, without reading the model.
+
+    Raises:
+        ModelError: there is none, or it cannot be used.
+    """
+    if isinstance(model, RobotModel):
+        return model.robot
+    if is_robot_file(model):
+        return read_robot_file(model)
+    return read_robot_file(robot) if robot else default_robot()
+
+
+def servo_of(settings: WalkSettings) -> Servo:
+    """Return the servos of a walk: its own, or those of its robot's file.
+
+    Raises:
+        ModelError: the robot's file cannot be used.
+    """
+    return settings.servo or robot_of(settings.model, settings.robot).servo
+
+
+def _model_of(robot: RobotFile, path: Path) -> Path:
+    """Path of the model that a robot's file names, beside it or in a package."""
+    try:
+        return _resolved(robot.model, path.absolute().parent, "model =")
+    except ModelError as error:
+        raise ModelError(f"{path}: {error}") from None
 
 
 UNPACKED = "drake_gait_unpacked"
@@ -238,10 +323,10 @@ def _unpacked_into(wanted: Sequence[ModelFile]) -> "tempfile.TemporaryDirectory[
     return folder
 
 
-def _files(content: bytes, folder: Path) -> tuple[ModelFile, ...]:
+def _files(content: bytes, folder: Path, robot: RobotFile) -> tuple[ModelFile, ...]:
     """The files that a description names, and those that they need."""
     paths: dict[Path, tuple[str, bool]] = {}
-    for uri, (place, collides) in named_files(content).items():
+    for uri, (place, collides) in named_files(content, robot).items():
         path = _resolved(uri, folder, place)
         paths[path] = (uri, collides)
         for other in _needed_by(path):
@@ -332,8 +417,10 @@ def _mentioned(kind: str, content: bytes) -> list[str]:
     return []
 
 
-def _sha256(content: bytes, others: tuple[ModelFile, ...]) -> str:
+def _sha256(content: bytes, others: tuple[ModelFile, ...], robot: RobotFile | None = None) -> str:
     digest = hashlib.sha256(content)
+    if robot is not None and robot.identity != default_robot().identity:
+        digest.update(f"\0{robot.identity}".encode())
     for file in others:
         digest.update(f"\0{file.uri}\0{Path(file.path).name}\0".encode())
         digest.update(hashlib.sha256(file.content).digest())

@@ -1,37 +1,35 @@
-"""The elements of a robot description in SDFormat: read, looked up and changed.
+"""The elements of a robot description: read, looked up and changed.
 
 Drake knows its own elements by the prefix `drake:` alone, declared or not.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 from xml.parsers import expat
 
 from drake_gait.errors import ModelError
 
-SIDES = ("r", "l")
-FOOT_LINKS = ("foot", "big_toe", "lesser_toes")
-"""Links of a foot, without their side; the first is the heel part."""
-TOES = FOOT_LINKS[1:]
-TOE_HINGES = tuple(f"{toe}_hinge_{side}" for side in SIDES for toe in TOES)
-"""The four passive joints, in the order of every array of toe values."""
-BASE = "torso"
-"""The link that floats, whose posture is that of the robot."""
-ANKLES = tuple(f"ankle_{side}" for side in SIDES)
-FEET = tuple(f"{link}_{side}" for side in SIDES for link in FOOT_LINKS)
-LINKS = (BASE, *ANKLES, *FEET)
-"""All links that a walk, its measures, its figures and its recording know by name."""
-
 MU_STATIC, MU_DYNAMIC = "drake:mu_static", "drake:mu_dynamic"
 PROXIMITY = "drake:proximity_properties"
 
-_OTHER_FORMATS = {
-    "robot": "a URDF; walks need SDFormat: `gz sdf -p robot.urdf > robot.sdf` writes it, and "
-    "docs/explanation/robot.md says what must be in it",
-    "mujoco": "an MJCF; walks need SDFormat: `mjcf2sdf robot.xml robot.sdf` (gz-mujoco) writes it, "
-    "and docs/explanation/robot.md says what must be in it",
-}
+
+class Format(StrEnum):
+    """Format of a model; the value is what Drake's parser calls it."""
+
+    SDF = "sdf"
+    URDF = "urdf"
+    MJCF = "xml"
+
+
+_ROOTS = {"sdf": Format.SDF, "robot": Format.URDF, "mujoco": Format.MJCF}
+"""How models begin."""
+_MODEL = {
+    "compiler", "default", "asset", "worldbody", "actuator", "contact", "equality", "tendon",
+}  # fmt: skip
+"""Parts of an MJCF that are the robot; others are of an engine or of a viewer."""
 
 
 class Description:
@@ -59,10 +57,17 @@ class Description:
         try:
             parser.Parse(content, True)
         except expat.ExpatError as error:
-            raise ModelError(f" is not a well-formed SDF file: {error}") from None
+            raise ModelError(f" is not a well-formed XML file: {error}") from None
         except (LookupError, ValueError) as error:
             raise ModelError(f": cannot decode it ({error}); save it as UTF-8") from None
         self.root = builder.close()
+        if self.root.tag not in _ROOTS:
+            raise ModelError(
+                f" is no model of a robot: it begins with <{self.root.tag}>, not with <sdf>, "
+                "<robot> (URDF) or <mujoco> (MJCF)"
+            )
+        self.format = _ROOTS[self.root.tag]
+        """The format of the model."""
 
     def refusal(self, element: Element | None, text: str) -> ModelError:
         """An error that says where; its text begins where the name of the file ends."""
@@ -70,15 +75,11 @@ class Description:
         return ModelError(f", line {line}: {text}" if line else f": {text}")
 
     def model(self) -> Element:
-        """The one model in it.
+        """The one model in it, an SDFormat.
 
         Raises:
-            ModelError: it is another format, or has something else than one model.
+            ModelError: it has something else than one model.
         """
-        if self.root.tag in _OTHER_FORMATS:
-            raise ModelError(f" is {_OTHER_FORMATS[self.root.tag]}")
-        if self.root.tag != "sdf":
-            raise ModelError(f" is no SDFormat: it begins with <{self.root.tag}>, not <sdf>")
         models = list(self.root.iter("model"))
         others = [child for child in self.root if child.tag != "model"]
         others += list(self.root.iter("include"))
@@ -92,6 +93,19 @@ class Description:
                 f"there must be one <model>, got {len(models)}; write the robot as one",
             )
         return models[0]
+
+    def elements(self, kind: str) -> list[Element]:
+        """The elements of all links ("link") or joints ("joint") of the robot."""
+        if self.format is Format.URDF:  # In <transmission> there are other <joint>.
+            return self.root.findall(kind)
+        if self.format is Format.SDF:
+            return self.model().findall(kind)
+        tag = "body" if kind == "link" else kind
+        return [one for world in self.root.findall("worldbody") for one in world.iter(tag)]
+
+    def names(self, kind: str) -> list[str]:
+        """The names of all links ("link") or joints ("joint") of the robot."""
+        return [one.get("name") or "" for one in self.elements(kind)]
 
     def of_tag(self, parent: str, tag: str) -> Element | None:
         """The first element of a tag inside another one."""
@@ -113,38 +127,6 @@ def find_link(root: Element, name: str) -> Element:
     raise ModelError(f": no link '{name}'")
 
 
-def with_friction(root: Element, factor: float, ground: float) -> None:
-    """Give the contact of all shapes with the ground `factor` times its friction.
-
-    It is read as Drake reads it: <drake:mu_static> and <drake:mu_dynamic>; one stands for both.
-    Without them <mu> and <mu2> of <surface> count, else 1.
-
-    Args:
-        root: The description, which is changed.
-        factor: On the friction of each pair of shape and ground.
-        ground: Both coefficients of the ground; Drake combines two surfaces as 2ab / (a + b).
-
-    Raises:
-        ModelError: a friction cannot be multiplied by so much.
-    """
-    if factor == 1.0:
-        return
-    for collision in root.iter("collision"):
-        properties = collision.find(PROXIMITY)
-        found = [] if properties is None else _coefficients(properties)
-        if not found:
-            if properties is None:
-                properties = ElementTree.SubElement(collision, PROXIMITY)
-            for tag, value in zip((MU_STATIC, MU_DYNAMIC), frictions(collision), strict=True):
-                element = ElementTree.SubElement(properties, tag)
-                element.text = repr(value)
-                found.append(element)
-            for surface in collision.findall("surface"):
-                collision.remove(surface)
-        for element in found:
-            element.text = repr(_surface(element, factor, ground))
-
-
 def frictions(collision: Element) -> tuple[float, float]:
     """Static and dynamic friction of a shape, as Drake reads them."""
     properties = collision.find(PROXIMITY)
@@ -163,37 +145,120 @@ def _coefficients(properties: Element) -> list[Element]:
     return [element for element in found if element is not None]
 
 
-def _surface(element: Element, factor: float, ground: float) -> float:
-    """Coefficient of a surface whose contact with the ground has `factor` times its friction."""
-    surface = float(element.text or "")
-    contact = factor * 2.0 * surface * ground / (surface + ground)
-    if not contact < 2.0 * ground:
-        raise ModelError(
-            f": no surface has {factor:g} times the friction of <{element.tag}> {surface:g} on the "
-            "ground; lower walk.friction"
-        )
-    return contact * ground / (2.0 * ground - contact)
-
-
 def remove_looks(root: Element) -> None:
-    """Take what is only seen out of a description."""
+    """Take what is only seen out of a description; of an MJCF, Drake does it."""
     for link in root.iter("link"):
         for visual in link.findall("visual"):
             link.remove(visual)
 
 
+def remove_scenery(root: Element) -> None:
+    """Take out of an MJCF what is no robot: its floor, lights, cameras, sensors and options.
+
+    Drake would warn of some, and the floor would be part of the ground.
+    """
+    if root.tag != "mujoco":
+        return
+    for part in list(root):
+        if part.tag not in _MODEL:
+            root.remove(part)
+    for world in root.findall("worldbody"):
+        for item in list(world):
+            if item.tag != "body":
+                world.remove(item)
+    for body in root.iter("body"):
+        for item in list(body):
+            if item.tag in ("site", "camera", "light"):
+                body.remove(item)
+
+
+def without_springs(root: Element) -> None:
+    """Take the springs of all joints out of a description."""
+    for joint in root.iter("joint"):
+        joint.attrib.pop("stiffness", None)
+        for dynamics in joint.iter("dynamics"):
+            for tag in ("spring_stiffness", "spring_reference"):
+                for spring in dynamics.findall(tag):
+                    dynamics.remove(spring)
+
+
 def with_files(root: Element, paths: Mapping[str, str]) -> None:
     """Let a description name its files by other URIs."""
-    for link in root.iter("link"):
-        for shape in [*link.findall("visual"), *link.findall("collision")]:
-            for element, _ in uris(shape):
-                element.text = paths[(element.text or "").strip()]
+    for name in uris(root):
+        name.set(paths[name.uri])
+    if root.tag == "mujoco":
+        for compiler in root.iter("compiler"):
+            for key in ("meshdir", "texturedir", "assetdir", "strippath"):
+                compiler.attrib.pop(key, None)
 
 
-def uris(shape: Element) -> Iterator[tuple[Element, str]]:
-    """Yield the elements of a shape that name a file, and what the file is, in words."""
-    for mesh in shape.iter("mesh"):
-        for uri in mesh.findall("uri"):
-            yield uri, "mesh"
-    for picture in shape.iter("drake:diffuse_map"):
-        yield picture, "<drake:diffuse_map>"
+@dataclass(frozen=True, kw_only=True)
+class NamedFile:
+    """A place in a description that names a file."""
+
+    element: Element
+    """The element."""
+    attribute: str
+    """Its attribute; empty: the name is the element's text."""
+    what: str
+    """What the file is, in words."""
+    collides: bool
+    """Whether a shape that touches needs it."""
+    folder: str = ""
+    """Folder that the name begins in, from the description's."""
+
+    @property
+    def uri(self) -> str:
+        """Return the name of the file."""
+        text = self.element.get(self.attribute) if self.attribute else self.element.text
+        return f"{self.folder}{(text or '').strip()}"
+
+    def set(self, uri: str) -> None:
+        """Name another file."""
+        if self.attribute:
+            self.element.set(self.attribute, uri)
+        else:
+            self.element.text = uri
+
+
+def uris(root: Element) -> list[NamedFile]:
+    """Return the places in a description that name a file; those of shapes that touch come last."""
+    if root.tag == "mujoco":
+        return _uris_of_mjcf(root)
+    found = []
+    for kind in ("visual", "collision"):
+        for shape in root.iter(kind):
+            touches = kind == "collision"
+            for mesh in shape.iter("mesh"):
+                if root.tag == "robot":
+                    found.append(NamedFile(element=mesh, attribute="filename", what="mesh",
+                                           collides=touches))  # fmt: skip
+                found += [
+                    NamedFile(element=uri, attribute="", what="mesh", collides=touches)
+                    for uri in mesh.findall("uri")
+                ]
+            found += [
+                NamedFile(element=picture, attribute="", what="<drake:diffuse_map>",
+                          collides=touches)
+                for picture in shape.iter("drake:diffuse_map")
+            ]  # fmt: skip
+    return found
+
+
+def _uris_of_mjcf(root: Element) -> list[NamedFile]:
+    folders: dict[str, str] = {}
+    for compiler in root.iter("compiler"):
+        for key in ("assetdir", "meshdir", "texturedir"):
+            if compiler.get(key):
+                folders[key] = f"{compiler.get(key)}/".replace("//", "/")
+    found = []
+    for asset in root.findall("asset"):
+        for item in asset:
+            if item.get("file"):
+                key = "meshdir" if item.tag == "mesh" else "texturedir"
+                folder = folders.get(key, folders.get("assetdir", ""))
+                what = item.tag if item.tag == "mesh" else f"<{item.tag}>"
+                # A mesh may touch wherever a geom names it.
+                found.append(NamedFile(element=item, attribute="file", what=what,
+                                       collides=item.tag == "mesh", folder=folder))  # fmt: skip
+    return found

@@ -13,15 +13,13 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from drake_gait.errors import ModelError
-from drake_gait.gait import JOINTS
+from drake_gait.robot.robot_file import RobotFile
 from drake_gait.robot.sdf import (
-    FEET,
-    LINKS,
     MU_DYNAMIC,
     MU_STATIC,
     PROXIMITY,
-    TOE_HINGES,
     Description,
+    Format,
     find_link,
     frictions,
     uris,
@@ -63,6 +61,12 @@ _NAMES = frozenset(
     }
 )
 """Elements and attributes that hold words, which may begin with a digit."""
+_WORDS = _NAMES | {
+    *("class", "childclass", "file", "meshdir", "texturedir", "mesh", "material", "joint1"),
+    *("joint2", "body1", "body2", "body", "site", "texture", "model", "builtin", "content"),
+    *("xyz_units", "dclass", "geom1", "geom2", "target"),
+}
+"""Attributes of URDF and MJCF that hold words."""
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
@@ -70,56 +74,96 @@ _BEGINS_LIKE_ONE = re.compile(r"[+-]?[.,]?\d")
 
 
 @lru_cache(maxsize=8)
-def checked(content: bytes) -> Description:
+def checked(content: bytes, robot: RobotFile) -> Description:
     """The elements of a description that walks as it says.
 
     Not to be changed: `tree` gives elements that may be.
+
+    Args:
+        content: The description.
+        robot: Names its links and joints.
 
     Raises:
         ModelError: a link, a joint, a number or the format cannot be used. The text lacks the name
             of the file.
     """
     description = Description(content)
-    model = description.model()
-    _check_numbers(description)
-    _check_names(description, model)
-    for link in model.findall("link"):
-        _check_link(description, link)
-    for joint in model.findall("joint"):
-        _check_joint(description, joint)
-    for name in FEET:
-        _check_boxes(description, find_link(model, name))
+    if description.format is Format.SDF:
+        description.model()
+        _check_numbers(description)
+    else:
+        _check_attributes(description, robot)
+    _check_names(description, robot)
+    if description.format is Format.SDF:
+        for link in description.elements("link"):
+            _check_link(description, link)
+        for joint in description.elements("joint"):
+            _check_joint(description, joint, robot)
+        for name in robot.plates:
+            alone = robot.outline is not None and robot.is_toe(name)
+            _check_boxes(description, find_link(description.root, name), alone=alone)
     return description
 
 
-def tree(content: bytes) -> Element:
+def tree(content: bytes, robot: RobotFile) -> Element:
     """The elements of a description, to be changed.
 
     Raises:
         ModelError: see `checked`.
     """
-    return copy.deepcopy(checked(content).root)
+    return copy.deepcopy(checked(content, robot).root)
 
 
-def named_files(content: bytes) -> dict[str, tuple[str, bool]]:
+def named_files(content: bytes, robot: RobotFile) -> dict[str, tuple[str, bool]]:
     """The files that a description names: by URI, where, in words, and whether a shape collides.
 
     Raises:
         ModelError: see `checked`.
     """
-    return dict(_named_files(content))
+    description = checked(content, robot)
+    return {
+        one.uri: (str(description.refusal(one.element, one.what)), one.collides)
+        for one in uris(description.root)
+    }
 
 
-@lru_cache(maxsize=8)
-def _named_files(content: bytes) -> Mapping[str, tuple[str, bool]]:
-    description = checked(content)
-    found: dict[str, tuple[str, bool]] = {}
-    for kind in ("visual", "collision"):  # What collides counts, if both name it.
-        for shape in description.root.iter(kind):
-            for element, what in uris(shape):
-                line = str(description.refusal(element, what))
-                found[(element.text or "").strip()] = (line, kind == "collision")
-    return MappingProxyType(found)
+def efforts(content: bytes, robot: RobotFile) -> dict[str, float]:
+    """The effort limits of a URDF's joints [N·m]; Drake reads them of joints with a transmission.
+
+    Raises:
+        ModelError: see `checked`.
+    """
+    description = checked(content, robot)
+    if description.format is not Format.URDF:
+        return {}
+    limits = {one.get("name") or "": one.find("limit") for one in description.elements("joint")}
+    return {
+        name: float(limit.get("effort", "0")) for name, limit in limits.items() if limit is not None
+    }
+
+
+def _check_attributes(description: Description, robot: RobotFile) -> None:
+    """Refuse an attribute of which one word is a number and another begins like one."""
+    for element in description.root.iter():
+        for key, value in element.attrib.items():
+            if key in _WORDS or key.startswith("xmlns"):
+                continue
+            _check_text(description, element, f"{key} of <{element.tag}>", value, ())
+            if key == "stiffness" and element.get("name") not in (None, *robot.hinges):
+                raise description.refusal(
+                    element,
+                    f"joint '{element.get('name')}' has a stiffness, which Drake does not read; "
+                    "remove it",
+                )
+            if (element.tag, key) == ("mass", "value") or key == "mass":
+                _check_mass(description, element, value)
+
+
+def _check_mass(description: Description, element: Element, value: str) -> None:
+    if not float(value) > 0.0:
+        raise description.refusal(
+            element, f"{_owner(description, element)}mass must be > 0 kg, got '{value}'"
+        )
 
 
 def _check_numbers(description: Description) -> None:
@@ -174,22 +218,28 @@ def _check_sign(description: Description, element: Element, words: Sequence[str]
 def _owner(description: Description, wanted: Element) -> str:
     """The link or the joint that an element is of, in words."""
     for tag in ("link", "joint"):
-        for owner in description.root.iter(tag):
+        # The innermost: bodies of an MJCF hold each other.
+        for owner in reversed(description.elements(tag)):
             if any(element is wanted for element in owner.iter()):
                 return f"{tag} '{owner.get('name')}': "
     return ""
 
 
-def _check_names(description: Description, model: Element) -> None:
-    for tag, wanted in (("link", LINKS), ("joint", (*JOINTS, *TOE_HINGES))):
-        there = [element.get("name") or "" for element in model.findall(tag)]
+def _check_names(description: Description, robot: RobotFile) -> None:
+    for kind, wanted in (("link", robot.links), ("joint", robot.named_joints)):
+        there = description.names(kind)
         for name in wanted:
             if name not in there:
-                raise ModelError(f": no {tag} '{name}'; it has {', '.join(there) or 'none'}")
+                raise ModelError(f": no {kind} '{name}'; it has {', '.join(there) or 'none'}")
     called: dict[str, Element] = {}
-    for element in (*model.findall("link"), *model.findall("joint"), *model.findall("frame")):
-        name = element.get("name") or ""
-        if called.setdefault(name, element) is not element:
+    elements = [*description.elements("link"), *description.elements("joint")]
+    if description.format is Format.SDF:
+        elements += description.elements("frame")
+    for element in elements:
+        # In URDF and MJCF a link and a joint may have one name.
+        name, kind = element.get("name") or "", element.tag
+        key = name if description.format is Format.SDF else f"{kind} {name}"
+        if name and called.setdefault(key, element) is not element:
             raise description.refusal(
                 element, f"two elements are called '{name}'; rename this <{element.tag}>"
             )
@@ -233,18 +283,19 @@ def _is_physical(inertia: Element) -> bool:
     return bool(moments[0] > 0.0 and moments[0] + moments[1] > (1.0 - _ROUNDING) * moments[2])
 
 
-def _check_joint(description: Description, joint: Element) -> None:
+def _check_joint(description: Description, joint: Element, robot: RobotFile) -> None:
     name = joint.get("name") or ""
     effort = joint.find("axis/limit/effort")
     value = None if effort is None else float(effort.text or "")
     where = joint if effort is None else effort
-    if name in JOINTS and not (value is not None and 0.0 < value < float("inf")):
+    usable = value is not None and 0.0 < value < float("inf")
+    if name in robot.joints and robot.stall_torque is None and not usable:
         raise description.refusal(
             where,
             f"joint '{name}': <effort> must be the stall torque of its servo, > 0 N·m, got "
             f"{'none' if value is None else f'{value:g}'}",
         )
-    if name in TOE_HINGES and joint.get("type") != "fixed" and value != 0.0:
+    if name in robot.hinges and joint.get("type") != "fixed" and value != 0.0:
         raise description.refusal(
             where,
             f"joint '{name}': <effort> must be 0, as a toe has no servo, got "
@@ -261,7 +312,7 @@ def _check_joint(description: Description, joint: Element) -> None:
         )
 
 
-def _check_boxes(description: Description, link: Element) -> None:
+def _check_boxes(description: Description, link: Element, *, alone: bool) -> None:
     """Refuse a foot whose soles are no boxes: what they touch and reach is read from those."""
     name, collisions = link.get("name"), link.findall("collision")
     for collision in collisions:
@@ -279,7 +330,7 @@ def _check_boxes(description: Description, link: Element) -> None:
                 f"link '{name}' must touch the ground with a compliant surface, of which slip and "
                 f"duty are measured; give its <{PROXIMITY}> {' and '.join(_COMPLIANT)}",
             )
-    if not collisions or (len(collisions) > 1 and not link.get("name", "").startswith("foot_")):
+    if not collisions or (len(collisions) > 1 and alone):
         raise description.refusal(
             collisions[1] if collisions else link,
             f"link '{name}' must have one <collision>, a box, got {len(collisions)}",

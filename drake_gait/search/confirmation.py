@@ -20,6 +20,7 @@ import numpy as np
 from drake_gait.errors import ModelError, SettingsError
 from drake_gait.gait import FRAME_TIME, JOINTS
 from drake_gait.problem import Candidate, Trial
+from drake_gait.robot.description import servo_of
 from drake_gait.search.grounds import end_of, on_ground
 from drake_gait.search.recommendation import Adviser, Recommended
 from drake_gait.search.runner import Planned, Runner, perturbed
@@ -182,10 +183,11 @@ def other_servo(
     evenly = ("servo_stiffness", "supply_voltage", "mass")
     stiffness, voltage, mass = 1.0 + rng.uniform(-1.0, 1.0, 3) * [most[name] for name in evenly]
     late, finer = rng.uniform(0.0, 1.0, 2) * [most["command_delay"], most["integrator_step"]]
+    own = servo_of(walk)
     servo = replace(
-        walk.servo,
-        stiffness=float(stiffness * walk.servo.stiffness),
-        no_load_speed=float(voltage * walk.servo.no_load_speed),
+        own,
+        stiffness=float(stiffness * own.stiffness),
+        no_load_speed=float(voltage * own.no_load_speed),
     )
     disturbance = Disturbance(
         joint_zeros=tuple(zeros.tolist()),

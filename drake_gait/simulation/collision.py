@@ -8,8 +8,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RevoluteJoint, RigidBody, WeldJoint
 
 from drake_gait.gait import FloatArray
-from drake_gait.robot.sdf import BASE
-from drake_gait.walk import FALL_HEIGHT, FALL_TILT
+from drake_gait.robot.robot_file import RobotFile
 
 _SIGNS: FloatArray = np.array(list(itertools.product((-0.5, 0.5), repeat=3))).T
 
@@ -27,19 +26,22 @@ def box_corners(
     return corners
 
 
-def out_of_reach(plant: MultibodyPlant, scene_graph: SceneGraph) -> list[GeometryId]:
+def out_of_reach(
+    plant: MultibodyPlant, scene_graph: SceneGraph, robot: RobotFile
+) -> list[GeometryId]:
     """The boxes that cannot touch the ground before the robot has fallen, whatever it does.
 
-    Until then the torso leans no further than FALL_TILT, and is no lower than FALL_HEIGHT of its
-    height when it stands. Hinges do not change how far a box is from the hinge that carries its
+    Until then the torso leans no further than `fall_lean`, and is no lower than `fall_height` of
+    its height when it stands. Hinges do not change how far a box is from the hinge that carries its
     link.
 
     Args:
         plant: A finalized one with a torso over a horizontal plane.
         scene_graph: Its shapes.
+        robot: Its file.
     """
     context = plant.CreateDefaultContext()
-    torso = plant.GetBodyByName(BASE)
+    torso = plant.GetBodyByName(robot.torso)
     X_WT = plant.EvalBodyPoseInWorld(context, torso)
     boxes: list[tuple[GeometryId, RigidBody, FloatArray]] = []  # With their corners p_WC.
     for index in plant.GetBodyIndices(torso.model_instance()):
@@ -48,7 +50,7 @@ def out_of_reach(plant: MultibodyPlant, scene_graph: SceneGraph) -> list[Geometr
         for geometry, p_BC in box_corners(plant, scene_graph, body).items():
             boxes.append((geometry, body, X_WB @ p_BC))
     ground = min((float(p_WC[2].min()) for _, _, p_WC in boxes), default=0.0)
-    torso_height = FALL_HEIGHT * (X_WT.translation()[2] - ground)
+    torso_height = robot.fall_height * (X_WT.translation()[2] - ground)
     joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
     carrying = {joint.child_body().index(): joint for joint in joints}
 
@@ -57,7 +59,7 @@ def out_of_reach(plant: MultibodyPlant, scene_graph: SceneGraph) -> list[Geometr
         if body.index() == torso.index():
             x, y, z = X_WT.inverse() @ p_WP
             outward = np.hypot(x, y)
-            lean = np.minimum(FALL_TILT, np.arctan2(outward, -z))
+            lean = np.minimum(robot.fall_lean, np.arctan2(outward, -z))
             return float(np.min(torso_height + z * np.cos(lean) - outward * np.sin(lean)))
         joint = carrying[body.index()]
         if not isinstance(joint, RevoluteJoint | WeldJoint):

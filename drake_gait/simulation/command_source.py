@@ -49,21 +49,21 @@ class GaitSystem(LeafSystem):
     gait: `set_commands` writes them.
 
     Output port:
-        desired_state: angles [rad] and zero rates of gait.JOINTS, size 20, as
+        desired_state: angles [rad] and zero rates of the joints with servos, by default 10, as
         MultibodyPlant.get_desired_state_input_port() takes them.
     """
 
-    def __init__(self, servo: Servo | None = None) -> None:
+    def __init__(self, servo: Servo | None = None, joints: int = len(JOINTS)) -> None:
         """Declare the port, for servos whose play lets the joints be; by default without play."""
         super().__init__()
-        self._servo = servo or Servo()
-        nowhere: FloatArray = np.zeros(len(JOINTS))
+        self._servo, self._joints = servo or Servo(), joints
+        nowhere: FloatArray = np.zeros(joints)
         self._angles = self.DeclareNumericParameter(BasicVector(nowhere))
         self.set_name("gait")
         # One parameter and full rows: this port is asked in every step of a walk.
-        standing = np.zeros((FRAMES + 1, 2 * len(JOINTS))), 0.0
+        standing = np.zeros((FRAMES + 1, 2 * joints)), 0.0
         self._sent = self.DeclareAbstractParameter(AbstractValue.Make(standing))
-        self.DeclareVectorOutputPort("desired_state", 2 * len(JOINTS), self._calc_desired_state)
+        self.DeclareVectorOutputPort("desired_state", 2 * joints, self._calc_desired_state)
 
     def set_commands(self, context: Context, commands: FloatArray, *, lead: float = 0.0) -> None:
         """Put commands into this system's context.
@@ -88,5 +88,6 @@ class GaitSystem(LeafSystem):
         if self._servo.backlash:
             # The spring sees what is left of the error beyond the play.
             angles = context.get_numeric_parameter(self._angles).value()
-            desired[: len(JOINTS)] = angles + self._servo.engaged(desired[: len(JOINTS)] - angles)
+            asked = desired[: self._joints]
+            desired[: self._joints] = angles + self._servo.engaged(asked - angles)
         output.SetFromVector(desired)

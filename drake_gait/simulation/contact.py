@@ -11,6 +11,7 @@ from typing import Any, cast
 import numpy as np
 from pydrake.common import MemoryFile
 from pydrake.geometry import (
+    AddCompliantHydroelasticProperties,
     AddCompliantHydroelasticPropertiesForHalfSpace,
     AddContactMaterial,
     AddRigidHydroelasticProperties,
@@ -22,6 +23,7 @@ from pydrake.geometry import (
     InMemoryMesh,
     Mesh,
     ProximityProperties,
+    RoleAssign,
     SceneGraph,
     Shape,
     Sphere,
@@ -29,8 +31,9 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 
+from drake_gait.errors import ModelError
 from drake_gait.gait import FloatArray
-from drake_gait.robot.sdf import FEET, FOOT_LINKS
+from drake_gait.robot.robot_file import RobotFile
 from drake_gait.sole import Contact, Sole
 
 GROUND_FRICTION = 1.0
@@ -38,6 +41,8 @@ GROUND_FRICTION = 1.0
 
 _FALLEN_STIFFNESS = 2e5
 """Of points of other limbs with the ground of `area`, which only a fallen robot has [N/m]."""
+_BOX_MODULUS, _BOX_DISSIPATION, _BOX_SIZE = 1e6, 5.0, 0.01
+"""Of boxes whose model tells none, as the KHR-3HV's [Pa], [s/m]; a box is meshed without [m]."""
 _RADIUS = 5e-4
 """Of a sphere at a plate's corner [m]."""
 _PROUD = 1e-6
@@ -60,28 +65,23 @@ class Plate:
     """Size along y [m]."""
     friction: CoulombFriction
     """Of its surface."""
-
-    @property
-    def is_left(self) -> bool:
-        """Return whether it is of the left foot."""
-        return self.link.endswith("_l")
-
-    @property
-    def is_toe(self) -> bool:
-        """Return whether it is a toe, whose rear edge is a hinge."""
-        return not self.link.startswith(FOOT_LINKS[0])
+    is_left: bool
+    """Whether it is of the left foot."""
+    is_toe: bool
+    """Whether it is a toe, whose rear edge is a hinge."""
 
 
-def plates(plant: MultibodyPlant, scene_graph: SceneGraph) -> list[Plate]:
+def plates(plant: MultibodyPlant, scene_graph: SceneGraph, robot: RobotFile) -> list[Plate]:
     """Find the under sides of a robot's feet, as its description puts them over the ground.
 
     Args:
         plant: A finalized one.
         scene_graph: Its shapes.
+        robot: Its file, which names the feet.
     """
     inspector, context = scene_graph.model_inspector(), plant.CreateDefaultContext()
     found = []
-    for link in FEET:
+    for link in robot.plates:
         body = plant.GetBodyByName(link)
         X_WL = plant.EvalBodyPoseInWorld(context, body)
         for geometry in plant.GetCollisionGeometriesForBody(body):
@@ -92,17 +92,88 @@ def plates(plant: MultibodyPlant, scene_graph: SceneGraph) -> list[Plate]:
             axes, (length, width, thickness) = _upright(X_WG.rotation(), np.array(box.size()))
             down = np.array([0.0, 0.0, -thickness / 2.0])
             X_WP = RigidTransform(axes, X_WG.translation() + axes @ down)
-            properties = inspector.GetProximityProperties(geometry)
             found.append(
                 Plate(
                     link=link,
                     X_LP=X_WL.inverse() @ X_WP,
                     length=length,
                     width=width,
-                    friction=cast(Any, properties).GetProperty("material", "coulomb_friction"),
+                    friction=_friction(inspector.GetProximityProperties(geometry)),
+                    is_left=robot.is_left(link),
+                    is_toe=robot.is_toe(link),
                 )
             )
     return found
+
+
+def _friction(properties: Any) -> CoulombFriction:
+    """Friction of a shape; 1 where its description tells none."""
+    known = properties.HasProperty("material", "coulomb_friction")
+    found = properties.GetProperty("material", "coulomb_friction") if known else None
+    return found or CoulombFriction(1.0, 1.0)
+
+
+def soften_boxes(plant: MultibodyPlant, scene_graph: SceneGraph, robot: RobotFile) -> None:
+    """Make boxes of the feet compliant that are not, as those of URDF and MJCF mostly are.
+
+    Args:
+        plant: One with the robot alone.
+        scene_graph: Its shapes.
+        robot: The robot's file, which names the feet.
+    """
+    source, inspector = plant.get_source_id(), scene_graph.model_inspector()
+    for link in robot.plates:
+        for geometry in plant.GetCollisionGeometriesForBody(plant.GetBodyByName(link)):
+            properties = ProximityProperties(cast(Any, inspector.GetProximityProperties(geometry)))
+            box = isinstance(inspector.GetShape(geometry), Box)
+            if box and not properties.HasProperty("hydroelastic", "hydroelastic_modulus"):
+                AddCompliantHydroelasticProperties(_BOX_SIZE, _BOX_MODULUS, properties)
+                cast(Any, properties).UpdateProperty(
+                    "material", "hunt_crossley_dissipation", _BOX_DISSIPATION
+                )
+                scene_graph.AssignRole(cast(Any, source), geometry, properties, RoleAssign.kReplace)
+
+
+def scale_friction(
+    plant: MultibodyPlant, scene_graph: SceneGraph, robot: RobotFile, factor: float
+) -> None:
+    """Give the contact of all shapes of a robot with the ground `factor` times its friction.
+
+    Args:
+        plant: One with the robot alone.
+        scene_graph: Its shapes.
+        robot: The robot's file.
+        factor: On the friction of each pair of shape and ground.
+
+    Raises:
+        ModelError: a friction cannot be multiplied by so much.
+    """
+    if factor == 1.0:
+        return
+    source, inspector = plant.get_source_id(), scene_graph.model_inspector()
+    for index in plant.GetBodyIndices(plant.GetBodyByName(robot.torso).model_instance()):
+        body = plant.get_body(index)
+        for geometry in plant.GetCollisionGeometriesForBody(body):
+            properties = ProximityProperties(cast(Any, inspector.GetProximityProperties(geometry)))
+            own = _friction(properties)
+            scaled = CoulombFriction(
+                _scaled(own.static_friction(), factor, body.name()),
+                _scaled(own.dynamic_friction(), factor, body.name()),
+            )
+            cast(Any, properties).UpdateProperty("material", "coulomb_friction", scaled)
+            scene_graph.AssignRole(cast(Any, source), geometry, properties, RoleAssign.kReplace)
+
+
+def _scaled(surface: float, factor: float, link: str) -> float:
+    """Coefficient of a surface whose contact with the ground has `factor` times its friction."""
+    ground = GROUND_FRICTION
+    contact = factor * 2.0 * surface * ground / (surface + ground)
+    if not contact < 2.0 * ground:
+        raise ModelError(
+            f": no surface has {factor:g} times the friction {surface:g} of link '{link}' on the "
+            "ground; lower walk.friction"
+        )
+    return contact * ground / (2.0 * ground - contact)
 
 
 def _upright(R_WG: RotationMatrix, size: FloatArray) -> tuple[RotationMatrix, FloatArray]:
@@ -198,17 +269,18 @@ def ground_of(plant: MultibodyPlant) -> GeometryId:
     return ground
 
 
-def part_soles(plant: MultibodyPlant, scene_graph: SceneGraph) -> None:
+def part_soles(plant: MultibodyPlant, scene_graph: SceneGraph, robot: RobotFile) -> None:
     """Let soles touch nothing but the ground, and the boxes over them all but the ground.
 
     Args:
         plant: A finalized one with soles.
         scene_graph: Its shapes.
+        robot: Its file, which names the feet.
     """
     inspector, ground = scene_graph.model_inspector(), ground_of(plant)
     boxes: list[GeometryId] = []
     soles: list[GeometryId] = []
-    for link in FEET:
+    for link in robot.plates:
         for geometry in plant.GetCollisionGeometriesForBody(plant.GetBodyByName(link)):
             box = isinstance(inspector.GetShape(geometry), Box)
             (boxes if box else soles).append(geometry)

@@ -14,7 +14,6 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Joint, RevoluteJoint, RigidBody, WeldJoint
 
 from drake_gait.gait import FloatArray
-from drake_gait.robot.sdf import BASE
 
 Floats = np.ndarray[Any, np.dtype[np.floating]]
 """Numbers as precise as the states that are given: half the bytes take half the time."""
@@ -88,11 +87,11 @@ class Kinematics:
     Links that are welded together are one.
     """
 
-    def __init__(self, plant: MultibodyPlant) -> None:
-        """Take the constants of a finalized plant with a robot on its feet."""
-        self._plant = plant
+    def __init__(self, plant: MultibodyPlant, torso: str) -> None:
+        """Take the constants of a finalized plant with a robot on its feet, whose torso floats."""
+        self._plant, self._torso = plant, torso
         context = plant.CreateDefaultContext()
-        base = plant.GetBodyByName(BASE)
+        base = plant.GetBodyByName(torso)
         instance = base.model_instance()
         joints = [plant.get_joint(index) for index in plant.GetJointIndices(instance)]
         above = {joint.child_body().name(): joint for joint in joints}
@@ -124,7 +123,8 @@ class Kinematics:
             for body in bodies
         }
         self._hinges = _ordered(
-            [_hinge(name, joint, self._fixed) for name, joint in hinged.items()] if turns else []
+            [_hinge(name, joint, self._fixed) for name, joint in hinged.items()] if turns else [],
+            torso,
         )
         self._turns = turns
         moments: dict[str, tuple[float, FloatArray]] = {}
@@ -154,7 +154,7 @@ class Kinematics:
         if not self._turns:
             return self._motions_by_plant(states)
         speeds = states[self._plant.num_positions() :]
-        motions = {BASE: self._base(states, speeds)}
+        motions = {self._torso: self._base(states, speeds)}
         for hinge in self._hinges:
             motions[hinge.link] = hinge.motion(
                 motions[hinge.parent], states[hinge.position], speeds[hinge.velocity]
@@ -267,9 +267,9 @@ def _hinge(link: str, joint: Joint, fixed: dict[str, tuple[str, RigidTransform]]
     )
 
 
-def _ordered(hinges: Sequence[_Hinge]) -> list[_Hinge]:
+def _ordered(hinges: Sequence[_Hinge], torso: str) -> list[_Hinge]:
     """Return the hinges so that each comes after the one that carries it."""
-    known, found, waiting = {BASE}, list[_Hinge](), list(hinges)
+    known, found, waiting = {torso}, list[_Hinge](), list(hinges)
     while waiting:
         ready = [hinge for hinge in waiting if hinge.parent in known]
         found += ready

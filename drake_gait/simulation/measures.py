@@ -12,9 +12,6 @@ import numpy as np
 from drake_gait.gait import CYCLE_TIME, FRAME_TIME, WALKING, FloatArray
 from drake_gait.walk import Measures
 
-LOADED = 0.5
-"""Vertical force from which a foot counts as carrying load [N]: 3 % of the robot's weight."""
-
 _SATURATED = 1.0 - 1e-6  # of the stall torque
 _SHORTEST_SWING = 4  # frames; a foot that is let go bounces for three at most
 _RIPPLE = 0.0003  # Changes of height that are the contact's, not the leg's [m].
@@ -32,22 +29,22 @@ class Record:
     frames: np.ndarray
     """Which instants are frames, from frame 0 on, shape (m,)."""
     speeds: FloatArray
-    """Speeds of the servos [rad/s], shape (10, n), rows ordered as gait.JOINTS."""
+    """Speeds of the m servos [rad/s], shape (m, n)."""
     controllers: FloatArray
-    """Torques of their controllers, before the back-EMF [N·m], shape (10, n)."""
+    """Torques of their controllers, before the back-EMF [N·m], shape (m, n)."""
     torques: FloatArray
-    """Torques on their joints [N·m], shape (10, n)."""
+    """Torques on their joints [N·m], shape (m, n)."""
     stall: FloatArray
-    """Largest torque of each controller [N·m], shape (10,)."""
+    """Largest torque of each controller [N·m], shape (m,)."""
     loads: FloatArray
-    """Vertical force of the ground on each plate of the right, then the left foot [N], (6, n).
+    """Vertical force of the ground on each of k plates of the right, then the left foot [N].
 
-    Rows are ordered as robot.sdf.FEET.
+    Shape (2 k, n), rows ordered as `RobotFile.plates`.
     """
     sliding: FloatArray
-    """Horizontal speed of each plate at the centre of its load [m/s], shape (6, n)."""
+    """Horizontal speed of each plate at the centre of its load [m/s], shape (2 k, n)."""
     toes: FloatArray
-    """Angles of the toes at the frames [rad], shape (4, m), rows ordered as TOE_HINGES."""
+    """Angles of the toes at the frames [rad], shape (4, m), rows ordered as `RobotFile.hinges`."""
     sole_height: FloatArray
     """Height of the lowest point of either foot at the frames [m], shape (2, m)."""
     rising: FloatArray
@@ -58,6 +55,8 @@ class Record:
     """Of the robot [kg]."""
     gravity: float
     """Its acceleration [m/s²]."""
+    load: float
+    """Vertical force from which a foot counts as carrying load [N]."""
 
 
 def measures_of(record: Record, *, forward: float, yaw_swing: float) -> Measures:
@@ -77,7 +76,7 @@ def measures_of(record: Record, *, forward: float, yaw_swing: float) -> Measures
     spans = np.diff(time)
     right, left = (_sliding(record, foot) for foot in (0, 1))
     frame_loads = record.loads[:, record.frames]
-    loaded = np.array([frame_loads[:3].sum(axis=0), frame_loads[3:].sum(axis=0)]) > LOADED
+    loaded = np.array([foot.sum(axis=0) for foot in np.split(frame_loads, 2)]) > record.load
     frame_times = time[record.frames]
     cycle = (frame_times >= CYCLE_TIME) & (frame_times < 2.0 * CYCLE_TIME)
     duty = loaded[:, cycle].mean(axis=1) if cycle.any() else np.full(2, np.nan)
@@ -103,10 +102,10 @@ def measures_of(record: Record, *, forward: float, yaw_swing: float) -> Measures
 
 def _sliding(record: Record, foot: int) -> FloatArray:
     """Return how fast the most loaded plate of a foot slides [m/s], shape (n,); 0 in the air."""
-    loads, speeds = (array[3 * foot : 3 * foot + 3] for array in (record.loads, record.sliding))
+    loads, speeds = (np.split(array, 2)[foot] for array in (record.loads, record.sliding))
     plate = loads.argmax(axis=0)
     instants = np.arange(len(plate))
-    found: FloatArray = np.where(loads[plate, instants] > LOADED, speeds[plate, instants], 0.0)
+    found: FloatArray = np.where(loads[plate, instants] > record.load, speeds[plate, instants], 0.0)
     return found
 
 

@@ -65,7 +65,7 @@ def in_one_line(model: RobotModel, text: str) -> str:
     for pattern in _IGNORED:
         if ignored := pattern.search(first):
             parent, tag = ignored["in"], ignored["tag"]
-            description = checked(model.content)
+            description = checked(model.content, model.robot)
             element = description.of_tag(parent, tag)
             return str(
                 description.refusal(element, f"Drake ignores <{tag}> in <{parent}>; remove it")

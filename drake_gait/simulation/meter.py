@@ -9,13 +9,14 @@ import numpy as np
 from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 
-from drake_gait.gait import FRAME_TIME, JOINTS, FloatArray
-from drake_gait.robot.sdf import BASE, FEET, TOE_HINGES
+from drake_gait.gait import FRAME_TIME, FloatArray
+from drake_gait.robot.description import read_model
 from drake_gait.simulation.collision import box_corners
 from drake_gait.simulation.command_source import commands_at
 from drake_gait.simulation.kinematics import Kinematics, Motion
 from drake_gait.simulation.measures import Record
 from drake_gait.simulation.plant_config import PlantConfig
+from drake_gait.simulation.servo_joints import actuators, toe_positions
 from drake_gait.simulation.tread import Tread, treads
 
 _PRECISION = np.float32
@@ -23,6 +24,8 @@ _PRECISION = np.float32
 
 
 _LARGE_BLOCK = 1 << 20
+_LOADED = 0.03
+"""Part of the weight from which a foot counts as carrying load, where the robot's file has none."""
 
 
 class Meter:
@@ -38,23 +41,26 @@ class Meter:
         # glibc's malloc returns memory to the system at every instant, until a block this large was
         # freed: half of the time of `record` is then spent on getting it back.
         np.empty(_LARGE_BLOCK)
-        self._kinematics = Kinematics(plant)
+        self._robot = robot = read_model(config.model).robot
+        self._kinematics = Kinematics(plant, robot.torso)
         self._servo = config.servo
         self.stall: FloatArray = np.array(
-            [plant.GetJointActuatorByName(name).effort_limit() for name in JOINTS]
+            [actuator.effort_limit() for actuator in actuators(plant)]
         )
-        """Largest torque of each controller [N·m], shape (10,)."""
+        """Largest torque of each controller [N·m], shape (m,)."""
         # Stall torque and no-load speed both scale with the voltage: their ratio stays.
         voltage = config.voltage * config.servo.voltage
         self.back_emf: FloatArray = self.stall / (voltage * config.servo.no_load_speed)
-        """Torque that each motor loses to its speed [N·m·s/rad], shape (10,)."""
-        joints = [plant.GetJointByName(name) for name in JOINTS]
+        """Torque that each motor loses to its speed [N·m·s/rad], shape (m,)."""
+        joints = [actuator.joint() for actuator in actuators(plant)]
         self._angles = [joint.position_start() for joint in joints]
         self._speeds = [plant.num_positions() + joint.velocity_start() for joint in joints]
-        toes = [plant.GetJointByName(name) for name in TOE_HINGES]
-        self._toes = [toe.position_start() for toe in toes if toe.num_positions()]
+        self._toes = toe_positions(plant, robot)
+        weight = self._kinematics.mass * float(abs(plant.gravity_field().gravity_vector()[2]))
+        self.load = _LOADED * weight if robot.load is None else robot.load
+        """Vertical force from which a foot counts as carrying load [N]."""
         self._plates: list[tuple[str, Tread, FloatArray]] = []
-        for name, tread in treads(plant, scene_graph, config.sole).items():
+        for name, tread in treads(plant, scene_graph, config.sole, robot).items():
             # Rigid toes are part of the heel's link.
             link, X_LB = self._kinematics.fixed(name)
             corners = box_corners(plant, scene_graph, plant.GetBodyByName(name)).values()
@@ -76,7 +82,7 @@ class Meter:
         Args:
             time: The ends of its steps [s], from 0 on, shape (n,).
             states: Positions, then velocities, of the plant at them, shape (n_q + n_v, n).
-            commands: What the servos were sent [rad], shape (241, 10), one row a frame.
+            commands: What the servos were sent [rad], shape (n_frames, m), one row a frame.
             mass: Factor on the mass of every link.
             delay: Time by which the servos act on a command late [s].
         """
@@ -103,13 +109,21 @@ class Meter:
             stall=self.stall,
             loads=np.array([load for load, _ in pressed]),
             sliding=np.array([sliding for _, sliding in pressed]),
-            toes=states[self._toes][:, frames] if self._toes else np.zeros((4, len(frames))),
-            sole_height=np.array([np.min(heights[:3], axis=0), np.min(heights[3:], axis=0)]),
+            toes=self._toe_angles(states, frames),
+            sole_height=np.array([np.min(foot, axis=0) for foot in np.split(np.array(heights), 2)]),
             rising=self._kinematics.centre_velocity(at_frames)[2],
-            upright=at_frames[BASE].axes[2, 2],
+            upright=at_frames[self._robot.torso].axes[2, 2],
             mass=mass * self._kinematics.mass,
             gravity=self._gravity,
+            load=self.load,
         )
+
+    def _toe_angles(self, states: FloatArray, frames: np.ndarray) -> FloatArray:
+        """Return the angles of the toes at frames [rad], shape (4, m): 0 of those that are none."""
+        angles: FloatArray = np.zeros((len(self._robot.hinges), len(frames)))
+        for row, place in self._toes.items():
+            angles[row] = states[place, frames]
+        return angles
 
     def motions(self, states: FloatArray) -> dict[str, tuple[Motion, Tread]]:
         """Return the motion of each link of the feet, by its name, and what touches under it.
@@ -120,7 +134,7 @@ class Meter:
         found = self._kinematics.motions(states.astype(_PRECISION))
         return {
             name: (found[link], tread)
-            for name, (link, tread, _) in zip(FEET, self._plates, strict=True)
+            for name, (link, tread, _) in zip(self._robot.plates, self._plates, strict=True)
         }
 
 

@@ -15,12 +15,12 @@ from pydrake.multibody.plant import ContactResults
 from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import Context, EventStatus
 
-from drake_gait.gait import CYCLE_TIME, FRAME_TIME, JOINTS, FloatArray
-from drake_gait.robot.sdf import ANKLES, BASE, FOOT_LINKS, SIDES, TOE_HINGES
+from drake_gait.gait import CYCLE_TIME, FRAME_TIME, FloatArray
 from drake_gait.simulation.contact import ground_of
-from drake_gait.simulation.measures import LOADED, swing_clearance
+from drake_gait.simulation.measures import swing_clearance
 from drake_gait.simulation.messages import default_context
 from drake_gait.simulation.plant import Robot, sole_corners
+from drake_gait.simulation.servo_joints import toe_positions
 from drake_gait.walk import History, Measures
 
 _SATURATED = 1.0 - 1e-6  # of the stall torque
@@ -57,40 +57,32 @@ class Observer:
 
         Args:
             robot: What walks.
-            commands: What it follows [rad], shape (241, 10).
-            sent: What its servos get, where it differs.
+            commands: The gait's angles [rad], shape (n_frames, 10).
+            sent: What its servos get [rad], shape (n_frames, m), where it differs.
             mass: Factor on the mass of every link.
             delay: Time by which the servos act on a command late [s].
         """
         self._robot, self._commands, self._mass_factor = robot, commands, mass
         servo = self._servo = robot.config.servo
-        sent = commands if sent is None else sent
-        plant = robot.plant
+        sent = robot.joints.sent(commands) if sent is None else sent
+        plant, told = robot.plant, robot.model.robot
         # A copy to read from: the caches of the simulated context lag behind its state by up to a
         # step of CENIC's, and reading must not change what is simulated.
         self._context = default_context(robot.diagram)
         self._plant_context = plant.GetMyMutableContextFromRoot(self._context)
         self._gait_context = robot.gait.GetMyMutableContextFromRoot(self._context)
         robot.gait.set_commands(self._gait_context, sent, lead=-delay)
-        self._torso = plant.GetBodyByName(BASE)
-        self._ankles = [plant.GetBodyByName(name) for name in ANKLES]
-        joints = [plant.GetJointByName(name) for name in JOINTS]
-        toes = [plant.GetJointByName(name) for name in TOE_HINGES]
+        self._torso = plant.GetBodyByName(told.torso)
+        self._ankles = [plant.GetBodyByName(leg.ankle) for leg in told.legs]
+        joints = [plant.GetJointByName(name) for name in robot.joints.names]
         self._joint_positions = [joint.position_start() for joint in joints]
         self._joint_velocities = [joint.velocity_start() for joint in joints]
-        # Rigid toes have none: they stay at 0.
-        self._toe_positions = {
-            column: joint.position_start()
-            for column, joint in enumerate(toes)
-            if joint.num_positions()
-        }
-        self._stall: FloatArray = np.array(
-            [plant.GetJointActuatorByName(name).effort_limit() for name in JOINTS]
-        )
+        self._toe_positions = toe_positions(plant, told)
+        self._toes = len(told.hinges)
+        self._stall = robot.meter.stall
         voltage = robot.config.voltage * servo.voltage
         self._back_emf: FloatArray = self._stall / (voltage * servo.no_load_speed)
-        self._feet = [[plant.GetBodyByName(f"{link}_{side}") for link in FOOT_LINKS]
-                      for side in SIDES]  # fmt: skip
+        self._feet = [[plant.GetBodyByName(link) for link in leg.plates] for leg in told.legs]
         self._corners = [[sole_corners(robot, body) for body in foot] for foot in self._feet]
         self._geometries = {
             geometry: (foot, body)
@@ -128,6 +120,7 @@ class Observer:
     def record(self, context: Context) -> None:
         """Take one frame from the diagram's context."""
         plant, plant_context = self._robot.plant, self._copy(context)
+        joints = self._robot.joints
         positions = plant.GetPositions(plant_context)
         _, speeds, torques = self._servos(plant_context)
         v_WC = plant.CalcCenterOfMassTranslationalVelocityInWorld(plant_context)
@@ -144,9 +137,9 @@ class Observer:
                 ),
                 "ankles": np.array([pose.translation() for pose in poses]),
                 "commands": self._commands[len(self._frames)],
-                "angles": positions[self._joint_positions],
-                "speeds": speeds,
-                "torques": torques,
+                "angles": joints.by_role(positions[self._joint_positions], angles=True),
+                "speeds": joints.by_role(speeds),
+                "torques": joints.by_role(torques),
                 "toes": self._toe_angles(positions),
                 "ground_reaction": self._ground_reaction(plant_context),
                 "sole_height": self._sole_heights(plant_context),
@@ -167,7 +160,7 @@ class Observer:
         gravity = np.abs(plant.gravity_field().gravity_vector()[2])
         mass = self._mass_factor * plant.CalcTotalMass(plant.CreateDefaultContext())
         weight = mass * gravity
-        loaded = history.ground_reaction[:, :, 2] > LOADED
+        loaded = history.ground_reaction[:, :, 2] > self._robot.meter.load
         cycle = (history.time >= CYCLE_TIME) & (history.time < 2.0 * CYCLE_TIME)
         duty = loaded[cycle].mean(axis=0) if cycle.any() else np.full(2, np.nan)
         roll, pitch = history.torso[:, 3], history.torso[:, 4]
@@ -204,13 +197,13 @@ class Observer:
 
     def _toe_angles(self, positions: FloatArray) -> FloatArray:
         """Angles of the toes [rad], shape (4,)."""
-        angles: FloatArray = np.zeros(len(TOE_HINGES))
+        angles: FloatArray = np.zeros(self._toes)
         for column, index in self._toe_positions.items():
             angles[column] = positions[index]
         return angles
 
     def _servos(self, plant_context: Context) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Controllers' torques [N·m], speeds [rad/s] and torques on the joints, (10,) each."""
+        """Controllers' torques [N·m], speeds [rad/s] and torques on the joints, (m,) each."""
         plant = self._robot.plant
         speeds = plant.GetVelocities(plant_context)[self._joint_velocities]
         port = plant.get_net_actuation_output_port()
@@ -262,7 +255,7 @@ class Observer:
         plates: dict[int, list[Touch]] = {}
         for touch in self._contacts(plant_context):
             plates.setdefault(int(touch.body.index()), []).append(touch)
-        speeds, loads = np.zeros(2), np.full(2, LOADED)
+        speeds, loads = np.zeros(2), np.full(2, self._robot.meter.load)
         for touches in plates.values():
             foot, body = touches[0].foot, touches[0].body
             weights = [abs(touch.force[2]) for touch in touches]

@@ -8,7 +8,8 @@ import numpy as np
 from drake_gait.errors import ModelError
 from drake_gait.gait import FRAME_TIME, FloatArray
 from drake_gait.robot.description import RobotModel
-from drake_gait.walk import FALL_HEIGHT, FALL_TILT, Outcome, Walk
+from drake_gait.robot.robot_file import RobotFile
+from drake_gait.walk import Outcome, Walk
 
 Posture = tuple[float, float, float]
 """Heading [rad], cosine of the lean from upright, and height [m] of the torso."""
@@ -16,7 +17,6 @@ Posture = tuple[float, float, float]
 SETTLING_TIME = 1.0
 """How long the robot stands before its walk, to come to rest on its soles [s]."""
 
-_UPRIGHT = math.cos(FALL_TILT)
 _UNMOVED = math.radians(10.0)
 """What stands turns and leans by less than this [rad]."""
 
@@ -32,17 +32,18 @@ def torso_posture(pose: FloatArray) -> Posture:
     return heading, 1.0 - 2.0 * (x * x + y * y), height
 
 
-def first_fall(postures: Sequence[Posture], seen: int) -> int | None:
+def first_fall(postures: Sequence[Posture], seen: int, robot: RobotFile) -> int | None:
     """Return the frame by which the robot has fallen, if it has.
 
     Args:
         postures: Of the torso, one a frame.
         seen: How many of them stand, as is known.
+        robot: The robot's file, which says when it has fallen.
     """
-    lowest = FALL_HEIGHT * postures[0][2]
+    lowest, least = robot.fall_height * postures[0][2], math.cos(robot.fall_lean)
     for frame, (_, upright, height) in enumerate(postures[seen:], seen):
         # Written so that a state that is not a number counts as a fall.
-        if not (upright > _UPRIGHT and height > lowest):
+        if not (upright > least and height > lowest):
             return frame
     return None
 
@@ -83,7 +84,7 @@ def check_stands(before: Posture, after: Posture, model: RobotModel) -> None:
         ModelError: it does not.
     """
     turn, lean = abs(after[0] - before[0]), math.acos(min(max(after[1], -1.0), 1.0))
-    stays = turn < _UNMOVED and lean < _UNMOVED and after[2] > FALL_HEIGHT * before[2]
+    stays = turn < _UNMOVED and lean < _UNMOVED and after[2] > model.robot.fall_height * before[2]
     if not stays:  # Written so that what is not a number does not.
         raise ModelError(
             f"{model}: the robot does not stand: in {SETTLING_TIME:g} s its torso turns by "

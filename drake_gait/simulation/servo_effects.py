@@ -21,7 +21,7 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context, EventStatus
 
-from drake_gait.gait import JOINTS, FloatArray
+from drake_gait.gait import FloatArray
 from drake_gait.servo import CREEP, Servo
 from drake_gait.simulation.plant import Robot
 
@@ -77,7 +77,7 @@ def effects_of(robot: Robot) -> list[Update]:
 
 def _play_of(robot: Robot) -> Update:
     plant, gait = robot.plant, robot.gait
-    angles = [plant.GetJointByName(name).position_start() for name in JOINTS]
+    angles = [plant.GetJointByName(name).position_start() for name in robot.joints.names]
 
     def update(context: Context) -> EventStatus:
         # Not by a port: the cache of the plant's state would lag behind by a step.
@@ -90,17 +90,18 @@ def _play_of(robot: Robot) -> Update:
 
 def _friction_of(robot: Robot) -> DryFriction:
     servo, plant, gait, meter = robot.config.servo, robot.plant, robot.gait, robot.meter
-    joints = [plant.GetJointByName(name) for name in JOINTS]
+    names = robot.joints.names
+    joints = [plant.GetJointByName(name) for name in names]
     angles = [joint.position_start() for joint in joints]
     speeds = [plant.num_positions() + joint.velocity_start() for joint in joints]
 
     def motors(context: Context) -> FloatArray:
         port = gait.GetOutputPort("desired_state")
-        desired = cast(FloatArray, port.Eval(gait.GetMyContextFromRoot(context)))[: len(JOINTS)]
+        desired = cast(FloatArray, port.Eval(gait.GetMyContextFromRoot(context)))[: len(names)]
         state = plant.GetPositionsAndVelocities(plant.GetMyContextFromRoot(context))
         asked = servo.stiffness * (desired - state[angles]) - servo.damping * state[speeds]
         held: FloatArray = np.clip(asked, -meter.stall, meter.stall)
         found: FloatArray = held - meter.back_emf * state[speeds]
         return found
 
-    return DryFriction(plant, JOINTS, servo, motors)
+    return DryFriction(plant, names, servo, motors)

@@ -18,8 +18,7 @@ from drake_gait.errors import ModelError, SettingsError
 from drake_gait.foot import FootDesign
 from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray, joint_commands
 from drake_gait.problem import Candidate, Needs, Trial, evaluated
-from drake_gait.robot.description import RobotModel, read_model
-from drake_gait.robot.sdf import BASE
+from drake_gait.robot.description import RobotModel, read_model, servo_of
 from drake_gait.simulation.measures import measures_of
 from drake_gait.simulation.messages import default_context, drake_messages
 from drake_gait.simulation.observer import Observer
@@ -138,13 +137,13 @@ def follow(
         ModelError: the robot description cannot be used.
     """
     commands = joint_commands(commands)
-    foot, settings = foot or FootDesign(), settings or WalkSettings()
+    foot, settings = foot or FootDesign(), _whole(settings or WalkSettings())
     if settings.engine is Engine.MUJOCO:
         return follow_in_mujoco()(commands, foot, settings, history=history, watch=watch)
     robot, context = prepare(commands, foot, settings)
     observer = _observer(robot, commands, settings) if history else None
     with drake_messages():
-        sent = _sent(commands, settings)
+        sent = _sent(robot, commands, settings)
         return _advance(robot, context, settings, sent, observer=observer, watch=watch)
 
 
@@ -156,13 +155,19 @@ def measured_at_every_step(candidate: Candidate, settings: WalkSettings) -> tupl
     Raises:
         ModelError: the robot description cannot be used.
     """
+    settings = _whole(settings)
     commands = candidate.gait.commands_from(settings.start)
     robot, context = prepare(commands, candidate.foot, settings)
-    observer, sent = _observer(robot, commands, settings), _sent(commands, settings)
+    observer, sent = _observer(robot, commands, settings), _sent(robot, commands, settings)
     with drake_messages():
         walk = _advance(robot, context, settings, sent, observer=observer, monitored=True)
     measures = observer.measures(observer.history(), walk.forward, walk.yaw_swing or 0.0)
     return walk, measures
+
+
+def _whole(settings: WalkSettings) -> WalkSettings:
+    """Return settings with the servos that a walk has."""
+    return replace(settings, servo=servo_of(settings))
 
 
 def follow_in_mujoco() -> Callable[..., Walk]:
@@ -186,13 +191,15 @@ def try_out(candidate: Candidate, settings: WalkSettings) -> None:
     Raises:
         ModelError: the robot cannot be used.
     """
+    settings = _whole(settings)
     commands, foot = candidate.gait.commands_from(settings.start), candidate.foot
     if settings.engine is Engine.MUJOCO:
         walk = follow_in_mujoco()(commands, foot, settings, history=True, frames=_TRIED_OUT)
     else:
         robot, context = prepare(commands, foot, settings)
         with drake_messages():
-            observer, sent = _observer(robot, commands, settings), _sent(commands, settings)
+            observer = _observer(robot, commands, settings)
+            sent = _sent(robot, commands, settings)
             walk = _advance(robot, context, settings, sent, observer=observer, frames=_TRIED_OUT)
     if not walk.survived:
         raise ModelError(
@@ -206,10 +213,11 @@ def prepare(
 ) -> tuple[Robot, Context]:
     """A robot, and a context of its diagram in which it stands, about to follow `commands`."""
     stepping, changed = settings.stepping, settings.disturbance or Disturbance()
+    model = read_model(settings.model, settings.robot)
     config = PlantConfig(
-        model=read_model(settings.model),
-        foot=foot.body,
-        servo=settings.servo,
+        model=model,
+        foot=foot.body if model.robot.outline is not None else None,
+        servo=servo_of(settings),
         sole=settings.sole,
         contact=settings.contact,
         friction=settings.friction,
@@ -220,25 +228,25 @@ def prepare(
     context = default_context(robot.diagram)
     plant_context = robot.plant.GetMyMutableContextFromRoot(context)
     robot.set_foot(plant_context, foot)
-    standing = FootDesign(rigid_toes=foot.rigid_toes)
+    standing = None if config.foot is None else FootDesign(rigid_toes=foot.rigid_toes)
     positions = _standing(replace(config, foot=standing, friction=1.0, voltage=1.0, time_step=0.0))
     robot.plant.SetPositions(plant_context, positions)
     robot.scale_masses(plant_context, changed.mass)
     gait_context = robot.gait.GetMyMutableContextFromRoot(context)
     lead = stepping.lead - settings.delay
-    robot.gait.set_commands(gait_context, _sent(commands, settings), lead=lead)
+    robot.gait.set_commands(gait_context, _sent(robot, commands, settings), lead=lead)
     return robot, context
 
 
-def _sent(commands: FloatArray, settings: WalkSettings) -> FloatArray:
-    """Return the commands that reach the servos [rad], shape (241, 10); zeros may be displaced."""
-    sent: FloatArray = commands + np.array((settings.disturbance or Disturbance()).joint_zeros)
-    return sent
+def _sent(robot: Robot, commands: FloatArray, settings: WalkSettings) -> FloatArray:
+    """Return the commands that reach m servos [rad], (n_frames, m); zeros may be displaced."""
+    zeros: FloatArray = np.array((settings.disturbance or Disturbance()).joint_zeros)
+    return robot.joints.sent(commands + zeros)
 
 
 def _observer(robot: Robot, commands: FloatArray, settings: WalkSettings) -> Observer:
     mass = (settings.disturbance or Disturbance()).mass
-    sent = _sent(commands, settings)
+    sent = _sent(robot, commands, settings)
     return Observer(robot, commands, sent=sent, mass=mass, delay=settings.delay)
 
 
@@ -250,7 +258,7 @@ def _robot(config: PlantConfig, *, logged: bool = False) -> Robot:
 
 @lru_cache(maxsize=4)
 def _standing(config: PlantConfig) -> FloatArray:
-    """Positions of the robot at rest on the paper's feet, shape (21,), or (17,) with rigid toes.
+    """Positions of the robot at rest on the paper's feet: shape (21,) of the KHR-3HV.
 
     Every foot starts its walk from them. Other toes would change a thousandth of a radian in the
     toes themselves and microns elsewhere, and settling costs a fifth of a walk.
@@ -279,7 +287,7 @@ def _standing(config: PlantConfig) -> FloatArray:
 
 def _posture(robot: Robot, plant_context: Context) -> Posture:
     """Return the posture of a robot's torso."""
-    torso = robot.plant.GetBodyByName(BASE)
+    torso = robot.plant.GetBodyByName(robot.model.robot.torso)
     first = torso.floating_positions_start()
     return torso_posture(robot.plant.GetPositions(plant_context)[first : first + 7])
 
@@ -329,7 +337,7 @@ def _advance(
 ) -> Walk:
     """Step through the frames until the end, a fall or a failure."""
     plant = robot.plant
-    torso = plant.GetBodyByName(BASE)
+    torso = plant.GetBodyByName(robot.model.robot.torso)
     pose = slice(torso.floating_positions_start(), torso.floating_positions_start() + 7)
     log = cast(VectorLogSink, robot.frames).FindLog(context)
     # Computing time: a busy machine changes no walk.
@@ -363,7 +371,7 @@ def _advance(
             observer.record(context)
         if watch and not failure:
             watch(frame * FRAME_TIME, positions[-1])
-        fall = first_fall(postures, seen)
+        fall = first_fall(postures, seen, robot.model.robot)
         if fall is not None:
             break
         if failure:

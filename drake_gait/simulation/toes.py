@@ -1,13 +1,15 @@
 """Gives a robot description the toes of a foot design: shapes, masses, inertias and hinges."""
 
+from collections.abc import Sequence
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from drake_gait.errors import ModelError
-from drake_gait.foot import FOOT_WIDTH, TOE_GAP, FootDesign
+from drake_gait.foot import FootDesign
 from drake_gait.gait import FloatArray
+from drake_gait.robot.robot_file import Outline, RobotFile
 from drake_gait.robot.sdf import find_link
 
 _BOX = "geometry/box/size"
@@ -20,7 +22,7 @@ _LIKE_A_PLATE = 1e-5
 """Part by which a toe's moments may differ from those of its plate."""
 
 
-def with_toes(root: Element, foot: FootDesign) -> None:
+def with_toes(root: Element, foot: FootDesign, robot: RobotFile) -> None:
     """Give a robot description the toes of `foot`; its springs and dampers are not written.
 
     The outline of the foot stays: both toes keep their tips and their outer edges. The heel part
@@ -30,43 +32,49 @@ def with_toes(root: Element, foot: FootDesign) -> None:
     Args:
         root: The description, which is changed.
         foot: The design.
+        robot: The robot's file, with the outline of its feet.
 
     Raises:
         ModelError: the foot of the description cannot be given this design.
     """
-    for side, inward in (("r", 1.0), ("l", -1.0)):
-        heel, big, lesser = (
-            find_link(root, f"{name}_{side}") for name in ("foot", "big_toe", "lesser_toes")
-        )
+    outline = robot.outline
+    if outline is None:
+        raise ModelError(": its toes are not designed; give the robot's file [toes]")
+    for leg, inward in zip(robot.legs, (1.0, -1.0), strict=True):
+        heel, big, *others = (find_link(root, name) for name in leg.plates)
         length, width, _ = _numbers(big, f"collision/{_BOX}")
-        _check_plates(big, lesser)
+        _check_plates([big, *others], outline)
         growth = length - foot.toe_length  # of the heel part
         if growth:
             density = float(_text(big, "inertial/mass")) / (length * width)  # kg/m²
             _lengthen_heel(heel, growth, density)
-        _resize_toe(big, foot.big_toe_width, growth, inward)
-        _resize_toe(lesser, foot.lesser_toes_width, growth, -inward)
+        if not others:  # One toe is as wide as the foot.
+            _resize_toe(big, outline.width, growth, inward)
+        else:
+            _resize_toe(big, foot.big_toe_width, growth, inward)
+            rest = outline.width - foot.big_toe_width - outline.gap
+            _resize_toe(others[0], rest, growth, -inward)
         if foot.rigid_toes:
-            for link in (big, lesser):
+            for link in (big, *others):
                 _weld(root, link)
 
 
-def _check_plates(big: Element, lesser: Element) -> None:
+def _check_plates(toes: Sequence[Element], outline: Outline) -> None:
     """Refuse toes that are not as wide and as long as those of the designs are."""
-    (length, width, _), (other_length, other_width, _) = (
-        _numbers(toe, f"collision/{_BOX}") for toe in (big, lesser)
-    )
-    total = width + TOE_GAP + other_width
-    if abs(total - FOOT_WIDTH) > _SAME:
+    sizes = [_numbers(toe, f"collision/{_BOX}") for toe in toes]
+    named = " and ".join(f"'{toe.get('name')}'" for toe in toes)
+    total = sum(width for _, width, _ in sizes) + outline.gap * (len(toes) - 1)
+    if abs(total - outline.width) > _SAME:
         raise ModelError(
-            f": the toes '{big.get('name')}' and '{lesser.get('name')}' are {1e3 * total:g} mm "
-            f"wide with their gap of {1e3 * TOE_GAP:g} mm; a designed foot is "
-            f"{1e3 * FOOT_WIDTH:g} mm wide: give their boxes the rest of it"
+            f": the toes {named} are {1e3 * total:g} mm wide with their gap of "
+            f"{1e3 * outline.gap:g} mm; a designed foot is {1e3 * outline.width:g} mm wide: give "
+            "their boxes the rest of it"
         )
-    if abs(length - other_length) > _SAME:
+    lengths = [length for length, _, _ in sizes]
+    if max(lengths) - min(lengths) > _SAME:
         raise ModelError(
-            f": the toes '{big.get('name')}' and '{lesser.get('name')}' are {1e3 * length:g} and "
-            f"{1e3 * other_length:g} mm long; make their boxes equally long"
+            f": the toes {named} are {' and '.join(f'{1e3 * one:g}' for one in lengths)} mm long; "
+            "make their boxes equally long"
         )
 
 

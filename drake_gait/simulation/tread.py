@@ -15,7 +15,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 
 from drake_gait.gait import FloatArray
-from drake_gait.robot.sdf import FEET
+from drake_gait.robot.robot_file import RobotFile
 from drake_gait.simulation.contact import ground_of, plates
 from drake_gait.simulation.kinematics import Floats, Motion
 from drake_gait.sole import Sole
@@ -141,7 +141,9 @@ def wet_part(depth: Sequence[Floats]) -> tuple[Floats, list[Floats]]:
     return np.maximum(mean, 0.0), weights
 
 
-def treads(plant: MultibodyPlant, scene_graph: SceneGraph, sole: Sole) -> dict[str, Tread]:
+def treads(
+    plant: MultibodyPlant, scene_graph: SceneGraph, sole: Sole, robot: RobotFile
+) -> dict[str, Tread]:
     """Return what touches the ground under each link of the feet, by the link's name.
 
     A box of the sole `boxes` is taken as its under side: its own pressure field falls off towards
@@ -160,9 +162,11 @@ def treads(plant: MultibodyPlant, scene_graph: SceneGraph, sole: Sole) -> dict[s
         return known(geometry, "hydroelastic", "hydroelastic_modulus")
 
     ground = ground_of(plant)
-    under_sides = iter(plates(plant, scene_graph))  # In the order of links and boxes, as here.
+    under_sides = iter(
+        plates(plant, scene_graph, robot)
+    )  # In the order of links and boxes, as here.
     found: dict[str, Tread] = {}
-    for link in FEET:
+    for link in robot.plates:
         parts: list[Tread] = []
         for geometry in plant.GetCollisionGeometriesForBody(plant.GetBodyByName(link)):
             shape, X_LG = inspector.GetShape(geometry), inspector.GetPoseInFrame(geometry)

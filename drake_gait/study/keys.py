@@ -8,28 +8,20 @@ from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from typing import Any
 
+from drake_gait import servo
 from drake_gait.foot import N_MM_PER_DEG
 from drake_gait.gait import TERMS, WAVEFORMS
 from drake_gait.problem import BUILT_IN, Quantity
-from drake_gait.ranges import DEGREES, MM, MS, NONE, RAD_PER_S, SECONDS, Unit
+from drake_gait.ranges import DEGREES, MM, MS, NONE, SECONDS, Unit
 from drake_gait.study.search_settings import CHANGES, SearchSettings
 
 N_MM_DEG = Unit(name="N·mm/deg", si=N_MM_PER_DEG)
-N_M_PER_RAD, N_M_S_PER_RAD = Unit(name="N·m/rad"), Unit(name="N·m·s/rad")
+N_M_S_PER_RAD = Unit(name="N·m·s/rad")
 
 Table = Mapping[str, tuple[str, Unit]]
 """Keys of a section, with the field that each sets and the unit that it is in."""
 
-SERVO: Table = {
-    "stiffness_n_m_per_rad": ("stiffness", N_M_PER_RAD),
-    "damping_n_m_s_per_rad": ("damping", N_M_S_PER_RAD),
-    "no_load_speed_rad_per_s": ("no_load_speed", RAD_PER_S),
-    "coulomb_friction_n_m": ("coulomb_friction", Unit(name="N·m")),
-    "load_friction": ("load_friction", NONE),
-    "backlash_deg": ("backlash", DEGREES),
-    "delay_ms": ("delay", MS),
-    "voltage": ("voltage", NONE),
-}
+SERVO: Table = servo.KEYS
 CONSTRAINTS: Table = {one.key: (one.name, one.unit) for one in BUILT_IN.values()}
 CONFIRMATION: Table = {
     "walks": ("walks", NONE),
@@ -67,6 +59,7 @@ KEYS = {
     "box": ("chosen", "centre_deg", "centre_from", "half_width_deg"),
     "constraints": tuple(CONSTRAINTS),
     "gait": ("start",),
+    "robot": ("file", "model"),
     "walk": ("model", "engine", "sole", "fidelity", *WALK),
     "servo": tuple(SERVO),
     "foot": (*FOOT, "rigid_toes"),
@@ -87,6 +80,7 @@ OLDER = {
     "confirmation.transfer": False,
     "confirmation.transfer_distance": 0.1,
     "gait.start": "paper",
+    "robot.file": "",
     "search.grounds": False,
     "search.risk": "chance",
     "servo.backlash": 0.0,

@@ -8,6 +8,7 @@ import difflib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +24,10 @@ from drake_gait.problem import (
     Quantity,
 )
 from drake_gait.ranges import check, choice
-from drake_gait.robot.description import located
-from drake_gait.servo import Servo
+from drake_gait.robot.description import robot_of
+from drake_gait.robot.robot_file import RobotFile
 from drake_gait.sole import Sole
+from drake_gait.study import robot_section
 from drake_gait.study._toml import (
     as_toml,
     coefficients,
@@ -60,7 +62,7 @@ from drake_gait.study.settings import (
     require_own,
     study_settings,
 )
-from drake_gait.walk import Engine, Fidelity, WalkSettings
+from drake_gait.walk import DEFAULT_MODEL, Engine, Fidelity, WalkSettings
 
 _OTHER_CENTRE = {"centre_from": "centre_deg", "centre_deg": "centre_from"}
 
@@ -103,8 +105,8 @@ def read_study(
                 values.pop(other, None)  # Said here and now: instead of the file's.
             if key == "centre_from" and isinstance(value, str):  # From this folder.
                 values[key] = str(whole_path(Path(), value))
-            elif (section, key) == ("walk", "model") and isinstance(value, str):
-                values[key] = located(value, Path.cwd())  # From this folder, likewise.
+            elif (section, key) in robot_section.NAMES:
+                robot_section.override(content, (section, key), Path.cwd())  # Likewise.
             elif (section, key) == ("study", "quantities") and value and isinstance(value, str):
                 values[key] = str(Path(value).absolute())
     try:
@@ -176,20 +178,27 @@ def _study(content: Mapping[str, Any], folder: Path, own: Sequence[Quantity]) ->
     texts("study", study, ("question",))
     if not isinstance(study.get("name"), str):
         raise SettingsError('[study] needs a name = "..."')
+    named = robot_section.named(content, folder)
+    robot = robot_of(named.get("model", DEFAULT_MODEL), named.get("robot", ""))
+    space = _space(box, content)
+    opened = {FOOT[key][0]: value for key, value in content.get("design", {}).items()}
+    robot_section.check_foot(robot, space.foot, opened)
     return StudySettings(
         **study,
         quantities=tuple(own),
         quantities_from=str(folder / file) if file else "",
         search=SearchSettings(**search),
         confirmation=_confirmation(content.get("confirmation", {})),
-        space=_space(box, content),
+        space=space,
         chosen=box.get("chosen", ""),
-        constraints=_constraints(content.get("constraints", {}), own),
-        walk=_walk(content, folder),
+        constraints=_constraints(content.get("constraints", {}), own, robot),
+        walk=_walk(content, named, robot),
     )
 
 
-def _constraints(written: Mapping[str, Any], own: Sequence[Quantity]) -> Constraints:
+def _constraints(
+    written: Mapping[str, Any], own: Sequence[Quantity], robot: RobotFile
+) -> Constraints:
     table: Table = {**CONSTRAINTS, **{one.key: (one.name, one.unit) for one in own}}
     values: dict[str, float | list[float]] = {}
     for key, value in written.items():
@@ -208,6 +217,8 @@ def _constraints(written: Mapping[str, Any], own: Sequence[Quantity]) -> Constra
             values[name] = [low * unit.si, high * unit.si]
         else:
             values[name] = number(f"constraints.{key}", value) * unit.si
+    if "com_height" not in values:
+        values.update(robot_section.com_height(robot))
     with told_as_written("constraints", written, table):
         return limits_of(values, own)
 
@@ -240,11 +251,10 @@ def _space(box: Mapping[str, Any], content: Mapping[str, Any]) -> DesignSpace:
         )
 
 
-def _walk(content: Mapping[str, Any], folder: Path) -> WalkSettings:
-    values = dict(content.get("walk", {}))
-    texts("walk", values, ("model",))
-    if "model" in values:
-        values["model"] = located(values["model"], folder)
+def _walk(content: Mapping[str, Any], named: Mapping[str, str], robot: RobotFile) -> WalkSettings:
+    values = {**content.get("walk", {}), **named}
+    if "model" not in named:
+        values.pop("model", None)
     measured = {key: values.pop(key) for key in WALK if key in values}
     kinds: dict[str, type[StrEnum]] = {"engine": Engine, "fidelity": Fidelity, "sole": Sole}
     for key in kinds.keys() & values.keys():
@@ -254,7 +264,7 @@ def _walk(content: Mapping[str, Any], folder: Path) -> WalkSettings:
     if "friction" in measured:
         with told_as_written("walk", measured, WALK):
             check("friction", number("walk.friction", measured["friction"]), FRICTION)
-    servo = made(Servo, "servo", content, SERVO)
+    servo = made(partial(replace, robot.servo), "servo", content, SERVO)
     return made(WalkSettings, "walk", {"walk": measured}, WALK, servo=servo, **values)
 
 

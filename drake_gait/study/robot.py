@@ -40,7 +40,8 @@ def robot_of(study: Study) -> RobotModel:
     try:
         kept = description.get(ROBOT)
         if kept is None:
-            found = read_model(description["settings"]["walk.model"])
+            known = description["settings"]
+            found = read_model(known["walk.model"], known.get("robot.file", ""))
         else:
             found = RobotModel.from_plain(kept)
     except ModelError as error:

@@ -23,6 +23,7 @@ from drake_gait.problem import (
     quantities,
 )
 from drake_gait.ranges import Range, check, choice
+from drake_gait.robot.description import servo_of
 from drake_gait.servo import Servo
 from drake_gait.sole import Sole
 from drake_gait.study._toml import (
@@ -92,6 +93,7 @@ class StudySettings:
             raise SettingsError(f"study.seed must be a whole number >= 0, got {self.seed!r}")
         if self.seed.bit_length() > MOST_BITS:
             raise SettingsError("study.seed must have at most 3900 digits")
+        object.__setattr__(self, "walk", replace(self.walk, servo=servo_of(self.walk)))
         check("walk.friction", self.walk.friction, FRICTION)
         used = (limit.quantity for limit in self.constraints.given)
         named = {one.name: one for one in (*self.quantities, *used, self.search.objective.wanted)}
@@ -153,7 +155,7 @@ class StudySettings:
     def description(self) -> dict[str, Any]:
         """Every setting as `section.key`: number, text or list; two studies can be compared."""
         walk = asdict(self.walk)
-        servo = walk.pop("servo")
+        servo, robot = walk.pop("servo"), walk.pop("robot")
         walk.pop("disturbance")  # Of single walks.
         walk.pop("integrator")  # The fidelity says it; another one is for comparisons only.
         walk.pop("contact")  # The sole says it, likewise.
@@ -176,6 +178,7 @@ class StudySettings:
             },
             "constraints": self.constraints.plain(),
             "gait": {"start": start},
+            "robot": {"file": str(robot)},
             "walk": {**walk, "model": str(self.walk.model)},
             "servo": servo,
             "foot": asdict(self.space.foot),
@@ -261,6 +264,7 @@ def study_settings(
         constraints=limits_of(nested["constraints"], own),
         walk=WalkSettings(
             model=walk["model"],
+            robot=nested["robot"]["file"],
             engine=choice(Engine, "walk.engine", walk["engine"]),
             fidelity=choice(Fidelity, "walk.fidelity", walk["fidelity"]),
             step=walk["step"],

@@ -56,7 +56,7 @@ QUANTITIES = "quantities"
 PROPOSER = "proposer"
 """Key of a study under which the name of a proposer is that was handed over."""
 
-_WORDS = {"study.question", "box.chosen", "walk.model", "study.quantities"}
+_WORDS = {"study.question", "box.chosen", "walk.model", "robot.file", "study.quantities"}
 """Settings that change no walk: a study goes on when somebody mends their wording.
 
 A robot is its content, model_sha256, wherever its file is.

@@ -27,8 +27,10 @@ def study_toml(settings: StudySettings) -> str:
             continue
         if name == "study.quantities":
             value = str(Path(value).absolute())
-        if name == "walk.model" and os.sep in value:
+        if name in ("walk.model", "robot.file") and os.sep in value:
             value = str(Path(value).absolute())
+        if name == "robot.file" and not value:
+            continue
         key, unit = in_file(name, settings.quantities)
         section, _, short = key.partition(".")
         if short not in known[section]:  # A user's own changes are objects.

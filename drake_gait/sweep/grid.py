@@ -154,7 +154,7 @@ def open_grid(grid: Grid, folder: Path) -> Study:
         StudyError: the folder holds another grid or study, or another driver has it.
     """
     path, settings = folder / "study.db", study_of(grid)
-    model = read_model(settings.walk.model)
+    model = read_model(settings.walk.model, settings.walk.robot)
     wanted = identity(settings, model)
     if not path.exists():
         _refuse_walks_without_study(folder)

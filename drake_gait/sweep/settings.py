@@ -36,6 +36,7 @@ from drake_gait.files.text import read_text
 from drake_gait.foot import FootDesign
 from drake_gait.gait import Gait
 from drake_gait.robot.description import located
+from drake_gait.study import robot_section
 from drake_gait.study._toml import folder_name, parse_toml, text
 from drake_gait.study.centre import whole_path
 from drake_gait.study.earlier_study import earlier_winner
@@ -297,8 +298,10 @@ def _overrides(name: str, values: Any, folder: Path) -> dict[tuple[str, str], An
         for section, keys in _table(name, values).items()
         for key, value in _table(f"{name}.{section}", keys).items()
     }
-    if isinstance(model := found.get(("walk", "model")), str):
-        found["walk", "model"] = located(model, folder)  # From the sweep's folder.
+    for section, key in robot_section.NAMES:
+        if isinstance(model := found.get((section, key)), str):
+            # From the sweep's folder.
+            found[section, key] = located(model, folder, f"{section}.{key}")
     return found
 
 

@@ -12,11 +12,11 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_gait import Candidate, FootDesign, WalkSettings, simulate
 from drake_gait.cli.optimize import main
 from drake_gait.errors import ModelError, SettingsError
-from drake_gait.gait import JOINTS
 from drake_gait.robot.description import RobotModel, located, model_path, models_folder, read_model
-from drake_gait.robot.sdf import LINKS, TOE_HINGES
+from drake_gait.robot.robot_file import default_robot
 from drake_gait.servo import Servo
-from drake_gait.simulation.plant import GROUND_FRICTION, add_robot, build_robot
+from drake_gait.simulation.contact import GROUND_FRICTION
+from drake_gait.simulation.plant import add_robot, build_robot
 from drake_gait.simulation.plant_config import PlantConfig
 from drake_gait.simulation.simulate import try_out
 from drake_gait.study.reading import default_study, read_study
@@ -148,7 +148,7 @@ BAD = {
             TEXT.replace(f'name="{name}"', 'name="other"').replace(f">{name}<", ">other<"),
             f"no link '{name}'",
         )
-        for name in LINKS
+        for name in default_robot().links
     },
     **{
         f"no {name}": (TEXT.replace(f'name="{name}"', 'name="other"'), f"no joint '{name}'")
@@ -247,10 +247,16 @@ BAD = {
     "misspelt element": (in_torso("<gravitation>0</gravitation>"), "line 5.*<gravitation>"),
     "other prefix": (TEXT.replace("drake:c", "d:c"), "foot_r.*drake:compliant"),
     # Files of another kind.
-    "URDF": ('<robot name="a"><link name="torso"/></robot>', "URDF.*gz sdf -p"),
-    "MJCF": ("<mujoco><worldbody/></mujoco>", "MJCF.*mjcf2sdf"),
+    "URDF of something else": (
+        '<robot name="a"><link name="torso"/></robot>',
+        "no link 'ankle_r'; it has torso",
+    ),
+    "MJCF of something else": (
+        "<mujoco><worldbody><body name='cart'/></worldbody></mujoco>",
+        "no link 'torso'; it has cart",
+    ),
     "a page": ("<html><body/></html>", "begins with <html>"),
-    "no XML": ("solid robot", "not a well-formed SDF"),
+    "no XML": ("solid robot", "not a well-formed XML"),
     "two robots": (TEXT.replace("</sdf>", '<model name="b"/></sdf>'), "line .*one <model>, got 2"),
     "robot in a robot": (with_more('<model name="b"><link name="c"/></model>'), "<model>, got 2"),
     "robot in a world": (
@@ -382,7 +388,7 @@ def test_a_limit_or_a_damper_of_a_joint_counts(robot):
 
 def test_all_names_that_are_asked_of_a_robot_are_checked():
     # Whoever asks Drake for a link or a joint by another name finds it missing after a search.
-    known = {*LINKS, *JOINTS, *TOE_HINGES}
+    known = {*default_robot().links, *default_robot().named_joints}
     package = Path(models_folder()).parent / "drake_gait"
     asked = set()
     for path in package.glob("*.py"):

@@ -30,6 +30,7 @@ from drake_gait import Candidate, FootDesign, Gait, WalkSettings, simulate
 from drake_gait.errors import SettingsError
 from drake_gait.gait import FRAMES, JOINTS, FloatArray, Start
 from drake_gait.robot.description import model_path
+from drake_gait.robot.robot_file import default_robot
 from drake_gait.simulation.contact import Plate, add_ground, add_soles, plates, sole_mesh
 from drake_gait.simulation.plant import build_robot
 from drake_gait.simulation.plant_config import PlantConfig
@@ -481,7 +482,7 @@ def test_soles_lie_under_their_plates_in_the_size_of_the_design(
     model: str, foot: FootDesign
 ) -> None:
     robot = build_robot(PlantConfig(model=model, foot=foot))
-    found = plates(robot.plant, robot.scene_graph)
+    found = plates(robot.plant, robot.scene_graph, default_robot())
     context = robot.plant.CreateDefaultContext()
     for plate in found:
         X_WL = robot.plant.EvalBodyPoseInWorld(context, robot.plant.GetBodyByName(plate.link))
@@ -490,7 +491,7 @@ def test_soles_lie_under_their_plates_in_the_size_of_the_design(
         assert X_WP.translation()[2] == pytest.approx(0.0, abs=1e-6)
     sizes = {plate.link: (plate.length, plate.width) for plate in found}
     assert sizes["big_toe_r"] == pytest.approx((foot.toe_length, foot.big_toe_width))
-    assert sizes["lesser_toes_l"] == pytest.approx((foot.toe_length, foot.lesser_toes_width))
+    assert sizes["lesser_toes_l"] == pytest.approx((foot.toe_length, 0.077 - foot.big_toe_width))
 
 
 @pytest.mark.parametrize(
@@ -515,7 +516,7 @@ def test_a_box_gives_the_same_sole_on_whichever_side_it_is_written(
     path = tmp_path / "turned.sdf"
     path.write_text(text[:begin] + part.replace(old, size) + text[end:], encoding="utf-8")
     usual, turned = (
-        plates(robot.plant, robot.scene_graph)
+        plates(robot.plant, robot.scene_graph, default_robot())
         for robot in (
             build_robot(PlantConfig(model=model, foot=None)) for model in ("khr3hv.sdf", path)
         )
@@ -528,7 +529,9 @@ def test_a_box_gives_the_same_sole_on_whichever_side_it_is_written(
 def test_the_friction_of_the_walk_scales_that_of_every_sole() -> None:
     def pairs(factor: float) -> FloatArray:
         robot = build_robot(PlantConfig(friction=factor))
-        found = [plate.friction for plate in plates(robot.plant, robot.scene_graph)]
+        found = [
+            plate.friction for plate in plates(robot.plant, robot.scene_graph, default_robot())
+        ]
         alone = np.array([(one.static_friction(), one.dynamic_friction()) for one in found])
         return 2.0 * alone / (1.0 + alone)
 

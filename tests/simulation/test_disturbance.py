@@ -9,7 +9,6 @@ import pytest
 from drake_gait.errors import SettingsError
 from drake_gait.foot import FootDesign
 from drake_gait.gait import FRAMES, JOINTS
-from drake_gait.robot.sdf import BASE
 from drake_gait.simulation.simulate import follow, prepare
 from drake_gait.walk import Disturbance, WalkSettings
 
@@ -45,7 +44,7 @@ def test_inertia_scales_with_mass():
     def inertia(mass):
         robot, context = standing(mass=mass)
         plant_context = robot.plant.GetMyContextFromRoot(context)
-        body = robot.plant.GetBodyByName(BASE)
+        body = robot.plant.GetBodyByName("torso")
         return body.CalcSpatialInertiaInBodyFrame(plant_context).CopyToFullMatrix6()
 
     np.testing.assert_allclose(inertia(0.97), 0.97 * inertia(1.0), rtol=1e-12)

@@ -15,7 +15,7 @@ from strides import MIDDLE
 from drake_gait import Candidate, FootDesign, Gait, WalkSettings, simulate
 from drake_gait.foot import N_MM_PER_DEG
 from drake_gait.gait import FRAMES, JOINTS, FloatArray
-from drake_gait.robot.sdf import TOE_HINGES
+from drake_gait.robot.robot_file import default_robot
 from drake_gait.servo import Servo
 from drake_gait.simulation.measures import swing_clearance
 from drake_gait.simulation.observer import Observer
@@ -181,7 +181,7 @@ def floating(foot: FootDesign, moment: float, toe: int) -> tuple[Robot, Simulato
     positions[6] += 1.0  # z of the torso
     plant.SetPositions(plant_context, positions)
     forces = np.zeros(plant.num_velocities())
-    forces[plant.GetJointByName(TOE_HINGES[toe]).velocity_start()] = moment
+    forces[plant.GetJointByName(default_robot().hinges[toe]).velocity_start()] = moment
     plant.get_applied_generalized_force_input_port().FixValue(plant_context, forces)
     return robot, simulator, context
 
@@ -189,7 +189,7 @@ def floating(foot: FootDesign, moment: float, toe: int) -> tuple[Robot, Simulato
 def toe_angles(robot: Robot, simulator: Simulator, toe: int, times: FloatArray) -> FloatArray:
     plant = robot.plant
     context = plant.GetMyContextFromRoot(simulator.get_context())
-    index = plant.GetJointByName(TOE_HINGES[toe]).position_start()
+    index = plant.GetJointByName(default_robot().hinges[toe]).position_start()
     angles = []
     for time in times:
         simulator.AdvanceTo(time)
@@ -216,7 +216,7 @@ def test_a_free_toe_swings_at_the_frequency_of_its_spring(toe: int) -> None:
     angles = toe_angles(robot, simulator, toe, times) - np.radians(15.0)
     rises = times[1:][(angles[:-1] < 0.0) & (angles[1:] >= 0.0)]
     measured = 2.0 * np.pi / np.diff(rises).mean()
-    body = robot.plant.GetBodyByName(TOE_HINGES[toe].replace("_hinge", ""))
+    body = robot.plant.GetBodyByName(default_robot().hinges[toe].replace("_hinge", ""))
     inertia = body.CalcSpatialInertiaInBodyFrame(robot.plant.CreateDefaultContext())
     about_hinge = inertia.CopyToFullMatrix6()[1, 1]
     assert measured == pytest.approx(np.sqrt(stiffness / about_hinge), rel=0.05)

@@ -12,7 +12,6 @@ from drake_gait.foot import FootDesign
 from drake_gait.gait import FRAME_TIME, FloatArray, Gait
 from drake_gait.problem import Candidate
 from drake_gait.robot.description import model_path
-from drake_gait.robot.sdf import BASE
 from drake_gait.simulation.kinematics import Kinematics
 from drake_gait.simulation.measures import Record, measures_of
 from drake_gait.simulation.plant import build_robot
@@ -53,14 +52,14 @@ def models(folder: Path) -> list[str | Path]:
 def test_links_move_as_drake_says(foot: FootDesign, tmp_path: Path) -> None:
     for model in models(tmp_path):
         plant = build_robot(PlantConfig(model=model, foot=foot)).plant
-        kinematics, context = Kinematics(plant), plant.CreateDefaultContext()
+        kinematics, context = Kinematics(plant, "torso"), plant.CreateDefaultContext()
         states = random().standard_normal((plant.num_positions() + plant.num_velocities(), 3))
         motions = kinematics.motions(states)
         point = np.array([0.1, -0.2, 0.3])
         for instant, state in enumerate(states.T):
             plant.SetPositions(context, state[: plant.num_positions()])
             plant.SetVelocities(context, state[plant.num_positions() :])
-            for index in plant.GetBodyIndices(plant.GetBodyByName(BASE).model_instance()):
+            for index in plant.GetBodyIndices(plant.GetBodyByName("torso").model_instance()):
                 body = plant.get_body(index)
                 link, X_LB = kinematics.fixed(body.name())
                 moved: FloatArray = (X_LB @ point)[None]
@@ -140,6 +139,7 @@ STANDS: dict[str, Any] = {
     "upright": np.ones(241),
     "mass": 1.5,
     "gravity": 9.81,
+    "load": 0.5,
 }
 
 

@@ -6,7 +6,6 @@ import re
 import sys
 from pathlib import Path
 from types import ModuleType
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -16,12 +15,11 @@ from pydrake.multibody.tree import RevoluteSpring
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_gait.errors import ModelError
-from drake_gait.foot import FOOT_WIDTH, TOE_GAP
 from drake_gait.gait import JOINTS
 from drake_gait.robot.description import model_path, models_folder
-from drake_gait.robot.sdf import TOE_HINGES, with_friction
-from drake_gait.robot.sdf_checks import tree
-from drake_gait.simulation.plant import GROUND_FRICTION, Robot, add_robot, build_robot, sole_corners
+from drake_gait.robot.robot_file import default_robot
+from drake_gait.simulation.contact import GROUND_FRICTION
+from drake_gait.simulation.plant import Robot, add_robot, build_robot, sole_corners
 from drake_gait.simulation.plant_config import PlantConfig
 
 ROOT = Path(__file__).parents[2]
@@ -72,7 +70,7 @@ def test_the_links_and_joints_have_the_names_of_the_documentation(plant: Multibo
     links = {plant.get_body(index).name() for index in plant.GetBodyIndices(instance)}
     assert links == {"torso"} | {f"{link}_{side}" for link in LINKS for side in "rl"}
     joints = {plant.get_joint(index).name() for index in plant.GetJointIndices(instance)}
-    assert joints - {"torso"} == {*JOINTS, *TOE_HINGES}
+    assert joints - {"torso"} == {*JOINTS, *default_robot().hinges}
 
 
 def test_the_robot_weighs_what_the_maker_says(plant: MultibodyPlant) -> None:
@@ -108,9 +106,9 @@ def test_the_foot_has_the_papers_sizes(robot: Robot) -> None:
         whole = np.hstack([heel, big, lesser])
         assert np.ptp(heel[0]) == pytest.approx(0.095)
         assert np.ptp(whole[0]) == pytest.approx(0.123)
-        assert np.ptp(whole[1]) == pytest.approx(FOOT_WIDTH)
+        assert np.ptp(whole[1]) == pytest.approx(0.078)
         assert np.ptp(big[1]) == pytest.approx(0.022)
-        assert np.ptp(lesser[1]) == pytest.approx(FOOT_WIDTH - 0.022 - TOE_GAP)
+        assert np.ptp(lesser[1]) == pytest.approx(0.078 - 0.022 - 0.001)
         assert whole[2].min() == pytest.approx(0.0, abs=1e-9)
         # The big toe is on the inner side.
         assert (inward * (big[1].mean() - lesser[1].mean())) > 0.0
@@ -132,7 +130,7 @@ def test_servos_have_the_datasheets_stall_torque_and_the_toes_have_none(
 
 def test_the_toes_turn_up_to_thirty_degrees_on_the_papers_springs(robot: Robot) -> None:
     expected = {"big_toe": 0.52, "lesser_toes": 0.26}  # N·mm/deg
-    for hinge, spring in zip(TOE_HINGES, robot.springs, strict=True):
+    for hinge, spring in zip(default_robot().hinges, robot.springs, strict=True):
         joint = robot.plant.GetJointByName(hinge)
         assert np.degrees(joint.position_lower_limits()) == pytest.approx([0.0])
         assert np.degrees(joint.position_upper_limits()) == pytest.approx([30.0])
@@ -164,29 +162,25 @@ def test_sole_and_ground_combine_to_the_papers_friction_times_the_factor(
                 assert combined == pytest.approx(factor * wanted, abs=3e-6)
 
 
-def with_other_friction(content: bytes, *factors: float) -> str:
-    root = tree(content)
-    for factor in factors:
-        with_friction(root, factor, GROUND_FRICTION)
-    return ElementTree.tostring(root, encoding="unicode")
+def frictions(factor: float) -> list[float]:
+    """Coefficients of every shape of the robot."""
+    robot = build_robot(PlantConfig(friction=factor))
+    inspector, found = robot.scene_graph.model_inspector(), []
+    for index in robot.plant.GetBodyIndices(robot.plant.GetModelInstanceByName("khr3hv")):
+        for geometry in robot.plant.GetCollisionGeometriesForBody(robot.plant.get_body(index)):
+            properties = inspector.GetProximityProperties(geometry)
+            if properties is None:  # It is out of reach.
+                continue
+            pair = properties.GetProperty("material", "coulomb_friction")
+            found += [pair.static_friction(), pair.dynamic_friction()]
+    return found
 
 
-def test_a_friction_of_one_leaves_the_description_alone() -> None:
-    content = model_path().read_bytes()
-    same, changed = (with_other_friction(content, factor) for factor in (1.0, 0.9))
-    assert same == ElementTree.tostring(tree(content), encoding="unicode")
-    frictions = re.compile(r"(<drake:mu_\w+>)[^<]*")
-    assert len(frictions.findall(changed)) == len(frictions.findall(same)) > 0
-    # Nothing else is another: what stands between the tags of friction does not count.
-    assert frictions.sub(r"\1", same) == frictions.sub(r"\1", changed) != same
-
-
-def test_frictions_multiply() -> None:
-    content = model_path().read_bytes()
-    once, twice = with_other_friction(content, 0.6), with_other_friction(content, 0.8, 0.75)
-    numbers = re.compile(r"<drake:mu_\w+>([^<]*)")
-    found = [[float(value) for value in numbers.findall(one)] for one in (once, twice)]
-    assert found[0] == pytest.approx(found[1])
+def test_all_shapes_have_another_friction_on_other_ground() -> None:
+    same, changed = np.array(frictions(1.0)), np.array(frictions(0.6))
+    on_the_ground = [2.0 * one * GROUND_FRICTION / (one + GROUND_FRICTION)
+                     for one in (same, changed)]  # fmt: skip
+    assert on_the_ground[1] == pytest.approx(0.6 * on_the_ground[0])
 
 
 @pytest.mark.parametrize(
@@ -194,7 +188,7 @@ def test_frictions_multiply() -> None:
     [
         ("", 0.9, "<drake:mu_static> must be a number, got ''"),
         ("slippery", 0.9, "<drake:mu_static> must be a number, got 'slippery'"),
-        ("1.0", 2.0, "no surface has 2 times the friction of <drake:mu_static> 1 on the ground"),
+        ("1.0", 2.0, "no surface has 2 times the friction 1 of link"),
     ],
 )
 def test_a_friction_that_cannot_be_multiplied_is_refused_in_one_line(

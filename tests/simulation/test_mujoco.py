@@ -14,7 +14,7 @@ from drake_gait.foot import FootDesign
 from drake_gait.gait import FRAMES, JOINTS, Gait
 from drake_gait.problem import Candidate
 from drake_gait.robot.description import models_folder, read_model
-from drake_gait.robot.sdf import BASE, TOE_HINGES
+from drake_gait.robot.robot_file import default_robot
 from drake_gait.servo import Servo
 from drake_gait.simulation import simulate as seam
 from drake_gait.simulation.command_source import desired_state
@@ -57,7 +57,7 @@ def anywhere(found, seed=0):
 def as_in_drake(found, data, values):
     """Rows of MuJoCo's velocities or forces in the order and the axes of Drake's."""
     turned = np.array(values)
-    turned[3:6] = data.body(BASE).xmat.reshape(3, 3) @ turned[3:6]
+    turned[3:6] = data.body("torso").xmat.reshape(3, 3) @ turned[3:6]
     return turned[found.velocities]
 
 
@@ -98,7 +98,7 @@ def test_a_posture_puts_every_link_where_drake_puts_it():
     found = compiled()
     data, context = anywhere(found)
     plant = found.robot.plant
-    for index in plant.GetBodyIndices(plant.GetBodyByName(BASE).model_instance()):
+    for index in plant.GetBodyIndices(plant.GetBodyByName("torso").model_instance()):
         body = plant.get_body(index)
         X_WB = plant.EvalBodyPoseInWorld(context, body)
         np.testing.assert_allclose(data.body(body.name()).xpos, X_WB.translation(), atol=1e-12)
@@ -123,7 +123,7 @@ def test_a_servo_pulls_along_the_torque_speed_line(error, speed, voltage):
 def test_a_toe_presses_with_what_its_spring_and_its_damper_give():
     found = compiled()
     data = mujoco.MjData(found.model)
-    for hinge, stiffness in zip(TOE_HINGES, 2 * (0.05, 0.02), strict=True):
+    for hinge, stiffness in zip(default_robot().hinges, 2 * (0.05, 0.02), strict=True):
         data.joint(hinge).qpos[:], data.joint(hinge).qvel[:] = 0.3, 2.0
         mujoco.mj_forward(found.model, data)
         assert data.joint(hinge).qfrc_passive == pytest.approx(-0.3 * stiffness - 2.0 * 1e-3)
@@ -131,10 +131,10 @@ def test_a_toe_presses_with_what_its_spring_and_its_damper_give():
 
 def test_a_toe_stops_where_it_stops_in_drake():
     found = compiled()
-    hinge = found.robot.plant.GetJointByName(TOE_HINGES[0])
+    hinge = found.robot.plant.GetJointByName(default_robot().hinges[0])
     stops = [hinge.position_lower_limits()[0], hinge.position_upper_limits()[0]]
-    assert found.model.joint(TOE_HINGES[0]).range == pytest.approx(stops)
-    assert found.model.jnt_limited[found.model.joint(TOE_HINGES[0]).id]
+    assert found.model.joint(default_robot().hinges[0]).range == pytest.approx(stops)
+    assert found.model.jnt_limited[found.model.joint(default_robot().hinges[0]).id]
     assert not found.model.jnt_limited[found.model.joint("knee_l").id]
 
 

@@ -10,11 +10,10 @@ from pydrake.systems.framework import DiagramBuilder
 
 from drake_gait.gait import JOINTS
 from drake_gait.robot.description import model_path
-from drake_gait.robot.sdf import TOE_HINGES
+from drake_gait.robot.robot_file import default_robot
 from drake_gait.simulation.collision import box_corners, out_of_reach
 from drake_gait.simulation.plant import add_robot
 from drake_gait.simulation.plant_config import PlantConfig
-from drake_gait.walk import FALL_HEIGHT, FALL_TILT
 
 MODELS = ("khr3hv.sdf", "khr3hv_cad.sdf")
 
@@ -22,7 +21,7 @@ MODELS = ("khr3hv.sdf", "khr3hv_cad.sdf")
 def shapes_of(model):
     builder = DiagramBuilder()
     plant, scene_graph = add_robot(builder, PlantConfig(model=model))
-    return plant, scene_graph, out_of_reach(plant, scene_graph)
+    return plant, scene_graph, out_of_reach(plant, scene_graph, default_robot())
 
 
 def names(model):
@@ -43,17 +42,19 @@ def test_no_posture_before_a_fall_brings_them_to_the_ground(model):
     inspector = scene_graph.model_inspector()
     context = plant.CreateDefaultContext()
     torso = plant.GetBodyByName("torso")
-    lowest_torso = FALL_HEIGHT * plant.EvalBodyPoseInWorld(context, torso).translation()[2]
+    lowest_torso = (
+        default_robot().fall_height * plant.EvalBodyPoseInWorld(context, torso).translation()[2]
+    )
     rng = np.random.default_rng(0)
     heights = []
     for _ in range(500):
         # Any heading, and the furthest lean to any side.
         turned, towards = rng.uniform(-np.pi, np.pi, 2)
         axis = np.array([np.cos(towards), np.sin(towards), 0.0])
-        lean = RotationMatrix(AngleAxis(FALL_TILT, axis))
+        lean = RotationMatrix(AngleAxis(default_robot().fall_lean, axis))
         pose = RigidTransform(lean @ RotationMatrix.MakeZRotation(turned), [0.0, 0.0, lowest_torso])
         plant.SetFreeBodyPose(context, torso, pose)
-        for name in (*JOINTS, *TOE_HINGES):
+        for name in (*JOINTS, *default_robot().hinges):
             plant.GetJointByName(name).set_angle(context, rng.uniform(-np.pi, np.pi))
         for geometry in found:
             body = plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))

@@ -62,7 +62,7 @@ def test_a_walk_has_the_same_numbers_with_the_shapes_that_reach_no_ground(
     # Falls too: they end before anything else than a foot can touch.
     candidates = (WALKING, FALLING)
     without = [repr(simulate(one)) for one in candidates]
-    monkeypatch.setattr(robot, "out_of_reach", lambda plant, scene_graph: [])
+    monkeypatch.setattr(robot, "out_of_reach", lambda plant, scene_graph, robot: [])
     simulation._robot.cache_clear()
     try:
         assert [repr(simulate(one)) for one in candidates] == without

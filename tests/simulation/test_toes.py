@@ -8,10 +8,11 @@ from pydrake.geometry import Box
 from pydrake.multibody.tree import RigidBody
 
 from drake_gait import Candidate, FootDesign, WalkSettings, simulate
-from drake_gait.foot import DESIGN_LIMITS, FOOT_WIDTH, TOE_GAP
+from drake_gait.foot import DESIGN_LIMITS
 from drake_gait.gait import JOINTS, FloatArray
 from drake_gait.robot.description import model_path
-from drake_gait.robot.sdf import TOE_HINGES, remove_looks
+from drake_gait.robot.robot_file import default_robot
+from drake_gait.robot.sdf import remove_looks
 from drake_gait.robot.sdf_checks import tree
 from drake_gait.simulation import simulate as simulation
 from drake_gait.simulation.collision import box_corners
@@ -64,7 +65,7 @@ def test_mass_and_inertia_of_both_toes_are_those_of_their_plates(
     robot, paper = robot_with(model, big_toe_width=width, toe_length=length), robot_with(model)
     paper_mass, _, _ = body_values(paper, paper.plant.GetBodyByName("big_toe_l"))
     density = paper_mass / (0.022 * 0.028)  # kg/m²
-    widths = {"big_toe": width, "lesser_toes": FOOT_WIDTH - TOE_GAP - width}
+    widths = {"big_toe": width, "lesser_toes": 0.078 - 0.001 - width}
     for toe, side in ((toe, side) for toe in widths for side in "rl"):
         body = robot.plant.GetBodyByName(f"{toe}_{side}")
         mass, com, inertia = body_values(robot, body)
@@ -116,7 +117,7 @@ def test_whatever_the_toes_are_the_outline_of_the_foot_stays(design: dict[str, f
         assert big[1][0] - big[0][0] == pytest.approx(foot.toe_length, abs=1e-12)
         # The gap stays, with the big toe on the inner side.
         gap = big[0][1] - lesser[1][1] if inward > 0 else lesser[0][1] - big[1][1]
-        assert gap == pytest.approx(TOE_GAP, abs=1e-12)
+        assert gap == pytest.approx(0.001, abs=1e-12)
 
 
 @pytest.mark.parametrize("length", DESIGN_LIMITS["toe_length"])
@@ -129,7 +130,7 @@ def test_the_heel_part_takes_what_the_toes_leave_with_its_mass_and_inertia(lengt
             for other in (robot, paper)
         )
         toe, _, _ = body_values(paper, paper.plant.GetBodyByName(f"big_toe_{side}"))
-        strip = toe / (0.022 * 0.028) * growth * FOOT_WIDTH
+        strip = toe / (0.022 * 0.028) * growth * 0.078
         assert heel[0] == pytest.approx(before[0] + strip, rel=1e-12)
         # Steiner's theorem about the heel part's old centre of mass, for the moment about y.
         lower, upper = outline(paper, f"foot_{side}")
@@ -149,8 +150,8 @@ def test_the_heel_part_takes_what_the_toes_leave_with_its_mass_and_inertia(lengt
 
 
 def test_the_paper_s_foot_is_the_description_itself() -> None:
-    before, after = (tree(model_path().read_bytes()) for _ in range(2))
-    with_toes(after, FootDesign())
+    before, after = (tree(model_path().read_bytes(), default_robot()) for _ in range(2))
+    with_toes(after, FootDesign(), default_robot())
     assert len(list(before.iter())) == len(list(after.iter()))
     for was, is_now in zip(before.iter(), after.iter(), strict=True):
         assert (was.tag, was.attrib) == (is_now.tag, is_now.attrib)
@@ -165,7 +166,7 @@ def test_the_paper_s_foot_is_the_description_itself() -> None:
 
 
 def test_looks_change_no_walk_s_robot() -> None:
-    bare = tree(model_path().read_bytes())
+    bare = tree(model_path().read_bytes(), default_robot())
     shapes = len(list(bare.iter("collision")))
     assert list(bare.iter("visual"))
     remove_looks(bare)
@@ -201,7 +202,7 @@ def test_springs_need_no_new_robot_and_another_body_does() -> None:
 
 def test_rigid_toes_do_not_bend_and_take_four_degrees_of_freedom() -> None:
     rigid, sprung = robot_with(rigid_toes=True).plant, robot_with().plant
-    assert sprung.num_velocities() - rigid.num_velocities() == len(TOE_HINGES) == 4
+    assert sprung.num_velocities() - rigid.num_velocities() == len(default_robot().hinges) == 4
     assert rigid.num_actuators() == len(JOINTS)
     walk = simulate(replace(WALKING, foot=FootDesign(rigid_toes=True)), history=True)
     assert walk.history is not None

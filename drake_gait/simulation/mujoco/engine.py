@@ -15,8 +15,7 @@ from pydrake.systems.framework import Context
 from drake_gait.errors import ModelError
 from drake_gait.foot import FootDesign
 from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray
-from drake_gait.robot.description import read_model
-from drake_gait.robot.sdf import BASE, FEET, FOOT_LINKS
+from drake_gait.robot.description import read_model, servo_of
 from drake_gait.simulation.command_source import commands_at
 from drake_gait.simulation.measures import measures_of
 from drake_gait.simulation.messages import default_context
@@ -57,7 +56,7 @@ class _Model:
     velocities: Integers
     """Where MuJoCo's velocities are among Drake's, shape (m,)."""
     plates: Integers
-    """Number of the foot's link that each shape is of, as in robot.sdf.FEET; -1 of no foot's."""
+    """Number of the foot's link of each shape, as in `RobotFile.plates`; -1 of no foot's."""
     floor: int
     """Number of the ground among the shapes."""
 
@@ -105,6 +104,7 @@ class _Observer(Observer):
     def _contacts(self, plant_context: Context) -> list[Touch]:
         """Return where feet touch the ground, in the step that was made last."""
         found, plant = self._found, self._robot.plant
+        links = self._robot.model.robot.plates
         touches = []
         wrench: FloatArray = np.zeros(6)
         for number, contact in enumerate(self._data.contact):
@@ -118,8 +118,8 @@ class _Observer(Observer):
             force = sign * (contact.frame.reshape(3, 3).T @ wrench[:3])
             touches.append(
                 Touch(
-                    foot=plate // len(FOOT_LINKS),
-                    body=plant.GetBodyByName(FEET[plate]),
+                    foot=2 * plate // len(links),
+                    body=plant.GetBodyByName(links[plate]),
                     force=force,
                     place=contact.pos.copy(),
                 )
@@ -145,7 +145,8 @@ class _Log:
     def end(self) -> None:
         """Take the forces of the step that was made, which are those of its beginning."""
         found, contact = self._found, self._data.contact
-        plates, sums = len(FEET), np.zeros((3, len(FEET)))
+        plates = len(found.robot.model.robot.plates)
+        sums = np.zeros((3, plates))
         if len(contact):
             geoms = contact.geom
             plate = found.plates[geoms].max(axis=1)
@@ -205,23 +206,24 @@ def follow(
         ModelError: the robot description cannot be used, or not in MuJoCo.
     """
     changed, step = settings.disturbance or Disturbance(), settings.stepping.step
+    model = read_model(settings.model, settings.robot)
     config = PlantConfig(
-        model=read_model(settings.model),
-        foot=foot,
-        servo=settings.servo,
+        model=model,
+        foot=foot if model.robot.outline is not None else None,
+        servo=servo_of(settings),
         sole=settings.sole,
         contact=settings.contact,
         friction=settings.friction,
         voltage=changed.voltage,
     )
-    standing = replace(
-        config, foot=FootDesign(rigid_toes=foot.rigid_toes), friction=1.0, voltage=1.0
-    )
+    of_papers = FootDesign(rigid_toes=foot.rigid_toes)
+    foot_stands = None if config.foot is None else of_papers
+    standing = replace(config, foot=foot_stands, friction=1.0, voltage=1.0)
     with _warnings() as warnings:
         found = _model(config, step, changed.mass, hardness)
         data = mujoco.MjData(found.model)
         data.qpos[:] = _standing(standing, step, hardness)
-        sent = commands + np.array(changed.joint_zeros)
+        sent = found.robot.joints.sent(commands + np.array(changed.joint_zeros))
         late = settings.delay
         observer = _Observer(found, data, commands, sent, changed.mass, late) if history else None
         log = _Log(found, data)
@@ -268,7 +270,7 @@ def _advance(
         postures.append(_posture(data))
         if watch:
             watch(frame * FRAME_TIME, data.qpos[found.positions])
-        fall = first_fall(postures, frame)
+        fall = first_fall(postures, frame, found.robot.model.robot)
         if warnings or fall is not None:
             break
         if time.thread_time() > deadline:
@@ -314,7 +316,7 @@ class _Servos:
             self._model.dof_frictionloss[self._speeds] = self._servo.coulomb_friction
 
     def follow(self, data: mujoco.MjData, command: FloatArray) -> None:
-        """Set commands [rad], shape (10,), and friction for the step that begins."""
+        """Set commands [rad], shape (m,), and friction for the step that begins."""
         servo = self._servo
         if servo.backlash:
             angles = data.qpos[self._angles]
@@ -328,9 +330,9 @@ class _Servos:
 
 
 def _in_steps(commands: FloatArray, step: float, delay: float = 0.0) -> FloatArray:
-    """Return what the servos follow in each step [rad], shape (frames, steps, 10).
+    """Return what the servos follow in each step [rad], shape (frames, steps, m).
 
-    Linear between the frames of `commands`, shape (n, 10), as `command_source.desired_state`, and
+    Linear between the frames of `commands`, shape (n, m), as `command_source.desired_state`, and
     late by `delay` [s].
     """
     steps = round(FRAME_TIME / step)
@@ -349,6 +351,7 @@ def _model(
 ) -> _Model:
     """One model serves every gait on a foot."""
     name, robot = read_model(config.model), build_robot(config)
+    feet = name.robot.plates
     context, plant = default_context(robot.diagram), robot.plant
     plant_context = plant.GetMyMutableContextFromRoot(context)
     robot.set_foot(plant_context, config.foot or FootDesign())
@@ -365,7 +368,7 @@ def _model(
         ) from None
     positions, velocities = _places(robot, model)
     owners = [model.body(number).name for number in model.geom_bodyid]
-    plates = [FEET.index(owner) if owner in FEET else -1 for owner in owners]
+    plates = [feet.index(owner) if owner in feet else -1 for owner in owners]
     return _Model(
         robot=robot,
         context=context,
@@ -379,7 +382,8 @@ def _model(
 
 def _places(robot: Robot, model: mujoco.MjModel) -> tuple[Integers, Integers]:
     """Return where MuJoCo's positions and velocities are among Drake's."""
-    plant, torso = robot.plant, robot.plant.GetBodyByName(BASE)
+    plant = robot.plant
+    torso = plant.GetBodyByName(robot.model.robot.torso)
     first, first_speed = torso.floating_positions_start(), torso.floating_velocities_start_in_v()
     positions: Integers = np.empty(plant.num_positions(), dtype=int)
     velocities: Integers = np.empty(plant.num_velocities(), dtype=int)

@@ -42,10 +42,10 @@ from pydrake.multibody.tree import (
 from pydrake.systems.framework import Context
 
 from drake_gait.errors import ModelError
-from drake_gait.gait import JOINTS, FloatArray
-from drake_gait.robot.sdf import BASE, FEET
+from drake_gait.gait import FloatArray
 from drake_gait.simulation.contact import ground_of
 from drake_gait.simulation.plant import Robot
+from drake_gait.simulation.servo_joints import actuators as servos_of
 
 _POINT = 5e-4
 """Radius of a point of a sole that Drake has as a mesh [m]."""
@@ -130,7 +130,7 @@ def _soften(model: mujoco.MjModel, robot: Robot, plant_context: Context) -> None
     )
     stiffness: FloatArray = np.zeros(model.npair)
     damping: FloatArray = np.zeros(model.npair)
-    for link in FEET:
+    for link in robot.model.robot.plates:
         for shape in plant.GetCollisionGeometriesForBody(plant.GetBodyByName(link)):
             springs = _ground_springs(robot, shape, ground)
             for number, spring in enumerate(springs):
@@ -219,9 +219,9 @@ def mjcf(
     SubElement(default, "joint", solreflimit=f"{_STIFF!r} 1")
     parts = {tag: SubElement(root, tag) for tag in ("asset", "worldbody", "contact", "actuator")}
 
-    torso = plant.GetBodyByName(BASE)
+    torso = plant.GetBodyByName(robot.model.robot.torso)
     base = _body(parts["worldbody"], torso, plant.EvalBodyPoseInWorld(plant_context, torso))
-    SubElement(base, "freejoint", name=BASE)
+    SubElement(base, "freejoint", name=torso.name())
     _add_inertia(base, torso, plant_context)
     elements = {torso.index(): base}
     hinges: dict[str, Element] = {}
@@ -255,7 +255,7 @@ def _body(parent: Element, body: RigidBody, X_PB: RigidTransform) -> Element:
 def _links(robot: Robot) -> Iterator[_Link]:
     """Yield the links that hang on the torso, each after the one that it hangs on."""
     plant = robot.plant
-    torso = plant.GetBodyByName(BASE)
+    torso = plant.GetBodyByName(robot.model.robot.torso)
     known = {torso.index()}
     waiting = [plant.get_joint(index) for index in plant.GetJointIndices()]
     waiting = [joint for joint in waiting if joint.child_body().index() != torso.index()]
@@ -263,8 +263,8 @@ def _links(robot: Robot) -> Iterator[_Link]:
         ready = [joint for joint in waiting if joint.parent_body().index() in known]
         if not ready:
             raise ModelError(
-                f": joint '{waiting[0].name()}' does not lead away from the '{BASE}'; let its "
-                "<parent> be the link that is nearer to it"
+                f": joint '{waiting[0].name()}' does not lead away from the '{torso.name()}'; let "
+                "its <parent> be the link that is nearer to it"
             )
         for joint in ready:
             waiting.remove(joint)
@@ -368,8 +368,8 @@ def _add_servos(
 ) -> None:
     """Write the servos' controllers, rotors and friction; joints' damping has the back-EMF."""
     servo = robot.config.servo
-    for name in JOINTS:
-        actuator = robot.plant.GetJointActuatorByName(name)
+    for actuator in servos_of(robot.plant):
+        name = actuator.joint().name()
         hinges[name].set("armature", repr(float(actuator.calc_reflected_inertia(plant_context))))
         if servo.has_friction:
             hinges[name].set("frictionloss", repr(servo.coulomb_friction))
@@ -441,7 +441,7 @@ def _add_shape(
     name = _name(geometry)
     sizes: FloatArray
     match shape:
-        case Mesh() if body.name() in FEET:
+        case Mesh() if body.name() in robot.model.robot.plates:
             return _add_points(element, shape, X_BG, name)
         case Box():
             kind, sizes = "box", np.array(shape.size()) / 2.0
