@@ -322,8 +322,9 @@ class _Servos:
         data.ctrl = command
         if servo.load_friction:
             speeds = data.qvel[self._speeds]
-            asked = servo.stiffness * (command - data.qpos[self._angles]) - servo.damping * speeds
-            motor = np.clip(asked, -self._stall, self._stall) - self._back_emf * speeds
+            error = command - data.qpos[self._angles]
+            controller = servo.controller_torque(error, speeds, self._stall)
+            motor = servo.motor_torque(controller, speeds, self._back_emf)
             self._model.dof_frictionloss[self._speeds] = servo.friction_limit(motor)
 
 
