@@ -182,11 +182,7 @@ def other_servo(
     evenly = ("servo_stiffness", "supply_voltage", "mass")
     stiffness, voltage, mass = 1.0 + rng.uniform(-1.0, 1.0, 3) * [most[name] for name in evenly]
     late, finer = rng.uniform(0.0, 1.0, 2) * [most["command_delay"], most["integrator_step"]]
-    servo = replace(
-        walk.servo,
-        stiffness=float(stiffness * walk.servo.stiffness),
-        no_load_speed=float(voltage * walk.servo.no_load_speed),
-    )
+    servo = replace(walk.servo, stiffness=float(stiffness * walk.servo.stiffness))
     disturbance = Disturbance(
         joint_zeros=tuple(zeros.tolist()),
         voltage=float(voltage),
