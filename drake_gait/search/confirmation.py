@@ -184,11 +184,7 @@ def other_servo(
     stiffness, voltage, mass = 1.0 + rng.uniform(-1.0, 1.0, 3) * [most[name] for name in evenly]
     late, finer = rng.uniform(0.0, 1.0, 2) * [most["command_delay"], most["integrator_step"]]
     own = servo_of(walk)
-    servo = replace(
-        own,
-        stiffness=float(stiffness * own.stiffness),
-        no_load_speed=float(voltage * own.no_load_speed),
-    )
+    servo = replace(own, stiffness=float(stiffness * own.stiffness))
     disturbance = Disturbance(
         joint_zeros=tuple(zeros.tolist()),
         voltage=float(voltage),

@@ -80,8 +80,7 @@ class Observer:
         self._toe_positions = toe_positions(plant, told)
         self._toes = len(told.hinges)
         self._stall = robot.meter.stall
-        voltage = robot.config.voltage * servo.voltage
-        self._back_emf: FloatArray = self._stall / (voltage * servo.no_load_speed)
+        self._back_emf: FloatArray = servo.back_emf(self._stall, robot.config.supply)
         self._feet = [[plant.GetBodyByName(link) for link in leg.plates] for leg in told.legs]
         self._corners = [[sole_corners(robot, body) for body in foot] for foot in self._feet]
         self._geometries = {
@@ -208,10 +207,8 @@ class Observer:
         speeds = plant.GetVelocities(plant_context)[self._joint_velocities]
         port = plant.get_net_actuation_output_port()
         controller = cast(FloatArray, port.Eval(plant_context))
-        torques = controller - self._back_emf * speeds
-        if self._servo.has_friction:
-            torques = torques + self._servo.friction_torque(torques, speeds)
-        return controller, speeds, torques
+        motor = self._servo.motor_torque(controller, speeds, self._back_emf)
+        return controller, speeds, self._servo.joint_torque(motor, speeds)
 
     def _contacts(self, plant_context: Context) -> list[Touch]:
         """Return the touches of feet and ground: patches of surfaces, and points."""

@@ -205,6 +205,43 @@ def follow(
     Raises:
         ModelError: the robot description cannot be used, or not in MuJoCo.
     """
+    mass, late = (settings.disturbance or Disturbance()).mass, settings.delay
+    with _warnings() as warnings:
+        ready = prepare(commands, foot, settings, hardness=hardness)
+        found, data, sent = ready.model, ready.data, ready.sent
+        observer = _Observer(found, data, commands, sent, mass, late) if history else None
+        log = _Log(found, data)
+        walk = _advance(
+            found, data, ready.targets, log, settings.time_limit, observer, watch, frames, warnings
+        )
+    if walk.outcome is Outcome.DIVERGED:
+        return walk
+    measures = log.measures(walk, sent, mass, late)
+    return replace(walk, history=observer.history() if observer else None, measures=measures)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Prepared:
+    """A robot that stands, about to follow commands."""
+
+    model: _Model
+    """The robot."""
+    data: mujoco.MjData
+    """Its state."""
+    sent: FloatArray
+    """Commands with the servos' own zeros [rad], shape (241, 10)."""
+    targets: FloatArray
+    """What the servos follow in each step [rad], shape (240, steps, 10)."""
+
+
+def prepare(
+    commands: FloatArray,
+    foot: FootDesign,
+    settings: WalkSettings,
+    *,
+    hardness: Hardness | None = None,
+) -> Prepared:
+    """Stand a robot up, about to follow `commands`; the arguments are those of `follow`."""
     changed, step = settings.disturbance or Disturbance(), settings.stepping.step
     model = read_model(settings.model, settings.robot)
     config = PlantConfig(
@@ -219,22 +256,12 @@ def follow(
     of_papers = FootDesign(rigid_toes=foot.rigid_toes)
     foot_stands = None if config.foot is None else of_papers
     standing = replace(config, foot=foot_stands, friction=1.0, voltage=1.0)
-    with _warnings() as warnings:
-        found = _model(config, step, changed.mass, hardness)
-        data = mujoco.MjData(found.model)
-        data.qpos[:] = _standing(standing, step, hardness)
-        sent = found.robot.joints.sent(commands + np.array(changed.joint_zeros))
-        late = settings.delay
-        observer = _Observer(found, data, commands, sent, changed.mass, late) if history else None
-        log = _Log(found, data)
-        walk = _advance(
-            found, data, _in_steps(sent, step, late), log, settings.time_limit, observer, watch,
-            frames, warnings,
-        )  # fmt: skip
-    if walk.outcome is Outcome.DIVERGED:
-        return walk
-    measures = log.measures(walk, sent, changed.mass, late)
-    return replace(walk, history=observer.history() if observer else None, measures=measures)
+    found = _model(config, step, changed.mass, hardness)
+    data = mujoco.MjData(found.model)
+    data.qpos[:] = _standing(standing, step, hardness)
+    sent = found.robot.joints.sent(commands + np.array(changed.joint_zeros))
+    targets = _in_steps(sent, step, settings.delay)
+    return Prepared(model=found, data=data, sent=sent, targets=targets)
 
 
 def _advance(
@@ -324,8 +351,9 @@ class _Servos:
         data.ctrl = command
         if servo.load_friction:
             speeds = data.qvel[self._speeds]
-            asked = servo.stiffness * (command - data.qpos[self._angles]) - servo.damping * speeds
-            motor = np.clip(asked, -self._stall, self._stall) - self._back_emf * speeds
+            error = command - data.qpos[self._angles]
+            controller = servo.controller_torque(error, speeds, self._stall)
+            motor = servo.motor_torque(controller, speeds, self._back_emf)
             self._model.dof_frictionloss[self._speeds] = servo.friction_limit(motor)
 
 
