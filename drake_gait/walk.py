@@ -250,8 +250,6 @@ class Measures:
     """Largest vertical force of the ground, mean of a frame of 20 ms / weight."""
     toe_range: tuple[float, float, float, float]
     """Largest angle of each toe [rad]: right big, right lesser, left big, left lesser."""
-    yaw_swing: float
-    """Range of the torso's heading [rad]."""
     torso_tilt: float
     """Largest lean of the torso from upright [rad]."""
 

@@ -54,7 +54,7 @@ def main() -> None:
         "slip, worse foot [mm]": [1e3 * max(walk.measures.slip) for walk in survivors],
         "clearance, worse [mm]": [1e3 * min(walk.measures.clearance) for walk in survivors],
         "duty factor": [np.mean(walk.measures.duty_factor) for walk in survivors],
-        "yaw swing [deg]": [np.degrees(walk.measures.yaw_swing) for walk in survivors],
+        "yaw swing [deg]": [np.degrees(walk.yaw_swing) for walk in survivors],
         "peak torque [N·m]": [walk.measures.peak_torque for walk in survivors],
     }
     print("survivors: median (10th to 90th percentile)")
