@@ -6,7 +6,6 @@ limit has a line of its own, and further figures say how the survivors walk.
 """
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -29,11 +28,10 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=cores())
     options = parser.parse_args()
     settings, candidates = walks_of_box(options.study, options.walks, options.seed)
-    how = replace(settings.walk, measures=True)
     trials = [
         Trial(
             candidate=candidate,
-            settings=on_ground(how, settings, end_of_proposal(settings, 0, number)),
+            settings=on_ground(settings.walk, settings, end_of_proposal(settings, 0, number)),
         )
         for number, candidate in enumerate(candidates)
     ]
