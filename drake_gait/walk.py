@@ -148,8 +148,6 @@ class WalkSettings:
     """Factor on every coefficient of friction between the feet and the ground."""
     disturbance: Disturbance | None = None
     """How the robot differs from its description."""
-    measures: bool = False
-    """Without effect since 0.3: every walk has its measures."""
     time_limit: float = 60.0
     """Computing time after which a walk is given up as diverged [s]."""
 
@@ -253,8 +251,6 @@ class Measures:
     """Largest vertical force of the ground, mean of a frame of 20 ms / weight."""
     toe_range: tuple[float, float, float, float]
     """Largest angle of each toe [rad]: right big, right lesser, left big, left lesser."""
-    yaw_swing: float
-    """Range of the torso's heading [rad]."""
     torso_tilt: float
     """Largest lean of the torso from upright [rad]."""
 
@@ -290,7 +286,7 @@ class Walk:
     history: History | None = field(default=None, repr=False)
     """Time histories, when asked for."""
     measures: Measures | None = None
-    """Energy, slip and the like, when histories are asked for."""
+    """Energy, slip and the like; None of a walk that diverged, or of an older study."""
     values: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     """Quantities that nothing else here tells, by name [SI], one value for each part."""
 

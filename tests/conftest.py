@@ -302,7 +302,6 @@ def measures() -> Measures:
         duty_factor=(0.61, 0.63),
         peak_ground_reaction=1.9,
         toe_range=(0.21, 0.11, 0.23, 0.13),
-        yaw_swing=0.31,
         torso_tilt=0.15,
     )
 

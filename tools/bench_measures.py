@@ -47,7 +47,6 @@ UNITS = {
     "duty_factor": ("%", 100.0),
     "peak_ground_reaction": ("weights", 1.0),
     "toe_range": ("degrees", np.degrees(1.0)),
-    "yaw_swing": ("degrees", np.degrees(1.0)),
     "torso_tilt": ("degrees", np.degrees(1.0)),
 }
 

@@ -150,7 +150,7 @@ def fresh(settings: StudySettings, candidate: Candidate, number: int, fidelity: 
     gait = candidate.gait
     noise = generator(0, Purpose.TRUST, number).standard_normal(gait.coefficients.shape)
     moved = gait.coefficients + settings.confirmation.noise * noise
-    ground = on_ground(settings.trial_settings, settings, end_of_variation(number))
+    ground = on_ground(settings.walk, settings, end_of_variation(number))
     return walk_trial(
         Trial(
             candidate=replace(candidate, gait=replace(gait, coefficients=moved)),

@@ -60,6 +60,6 @@ def _write_results(settings: StudySettings, study: Study, folder: Path) -> None:
         print("Walked again: none, as no candidate is feasible or [confirmation] has no walks left")
     print()
     print(written.result["verdict"])
-    if written.replayed is not None and written.replayed.measures is not None:
-        print(f"how it walks: {manner_in_words(written.replayed.measures)}")
+    if written.replayed is not None and (manner := manner_in_words(written.replayed)):
+        print(f"how it walks: {manner}")
     print(f"{folder}: {', '.join(written.files)}")

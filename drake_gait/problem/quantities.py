@@ -320,9 +320,7 @@ def _slip_ratio(walk: Walk) -> float:
 
 
 def _yaw_swing(walk: Walk) -> float:
-    if walk.yaw_swing is not None:
-        return walk.yaw_swing
-    return walk.measures.yaw_swing if walk.measures else math.nan
+    return math.nan if walk.yaw_swing is None else walk.yaw_swing
 
 
 def _jump(trial: Trial) -> float:

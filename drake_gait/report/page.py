@@ -76,6 +76,7 @@ def write_study_page(run: Run, path: Path) -> None:
         ratio=scaled(result["forward_mm"], 1.0 / PAPER_TABLE[-1][1], 1),
         degrees=math.degrees(1.0),
         shuffles=_shuffles(result),
+        yaw_swing=report_tables.quantities(result).get("yaw_swing"),
         limits={
             "lateral": told["lateral"],
             "yaw": told["yaw"],

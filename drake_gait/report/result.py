@@ -13,7 +13,7 @@ from drake_gait.study.finalists import Finalist, Tier, best_unslipping, finalist
 from drake_gait.study.ranking import best_walk, search_walks
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
-from drake_gait.walk import Measures, Outcome, Walk
+from drake_gait.walk import Outcome, Walk
 
 if TYPE_CHECKING:  # They load torch and scikit-learn, which no word needs.
     from drake_gait.surrogates.baselines import Comparison
@@ -175,6 +175,7 @@ def _finalist(settings: StudySettings, finalist: Finalist) -> dict[str, Any]:
             "frames": reference.walk.frames,
             "feasible": settings.assess(reference.walk).feasible,
         },
+        "yaw_swing": measured and measured.walk.yaw_swing,
         "measures": measured and measured.walk.measures and asdict(measured.walk.measures),
     }
 
@@ -247,17 +248,21 @@ def in_words(walk: Walk) -> str:
     )
 
 
-def manner_in_words(measures: Measures) -> str:
-    """Return how a walk was walked, as text: a long one may be a shuffle.
+def manner_in_words(walk: Walk) -> str:
+    """Return how a walk was walked, as text: a long one may be a shuffle. Empty if not measured.
 
     A dash stands for what such a walk does not have, as the duty of one that fell too soon.
     """
+    measures = walk.measures
+    if measures is None:
+        return ""
 
     def feet(values: Iterable[float], digits: int) -> str:
         return " / ".join(_rounded(value, digits) for value in values)
 
     slip, clearance = (1e3 * np.array(pair) for pair in (measures.slip, measures.clearance))
-    swing, tilt = np.degrees([measures.yaw_swing, measures.torso_tilt])
+    swing = None if walk.yaw_swing is None else float(np.degrees(walk.yaw_swing))
+    tilt = float(np.degrees(measures.torso_tilt))
     return (
         f"slip {feet(slip, 0)} mm (right / left foot), toe clearance {feet(clearance, 1)} mm, "
         f"duty {feet(measures.duty_factor, 2)}, yaw swing {_rounded(swing, 0)} degrees, "

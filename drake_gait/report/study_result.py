@@ -72,6 +72,8 @@ class FinalistResult:
     """Whether it advances by sliding; None where that was not measured."""
     reference: Mapping[str, Any] | None = None
     """Outcome and numbers of its walk at reference fidelity, by their keys in result.json."""
+    yaw_swing: float | None = None
+    """Range of the torso's heading in that walk [rad]."""
     measures: Mapping[str, Any] | None = None
     """Its `walk.Measures`, by the names of their fields."""
 
@@ -160,7 +162,7 @@ class StudyResult:
             StudyError: a key is missing, or holds what no result has.
         """
         try:
-            content = with_frames(content)
+            content = as_written_today(content)
             best = _best(content)
             known = {one.name: content[one.name] for one in fields(cls) if one.name in content}
             robust = content["winner"] is not None
@@ -282,18 +284,27 @@ def read_result(folder: Path) -> dict[str, Any]:
         raise StudyError(f"cannot read {path}: {reason}; {_cure(folder)}") from None
     if not isinstance(found, dict):
         raise StudyError(f"{path} is no result of a study")
-    return with_frames(found)
+    return as_written_today(found)
 
 
-def with_frames(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the content of a result.json, in which older versions called frames "steps"."""
+def as_written_today(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the content of a result.json with the keys of this version.
+
+    Older versions called frames "steps", and had `yaw_swing` among the measures of a walk.
+    """
 
     def renamed(value: Any) -> Any:
         if isinstance(value, Mapping):
-            return with_frames(value)
+            return as_written_today(value)
         return [renamed(one) for one in value] if isinstance(value, list) else value
 
-    return {"frames" if key == "steps" else key: renamed(value) for key, value in content.items()}
+    found = {"frames" if key == "steps" else key: renamed(one) for key, one in content.items()}
+    measures = found.get("measures")
+    if isinstance(measures, dict) and "yaw_swing" in measures:
+        swing = measures.pop("yaw_swing")
+        if found.get("yaw_swing") is None:
+            found["yaw_swing"] = swing
+    return found
 
 
 def _cure(folder: Path) -> str:

@@ -253,7 +253,7 @@ def manner_of_finalists(result: Mapping[str, Any]) -> Table | None:
         rows.append([
             str(entry["walk"]), number(entry["forward_mm"], 1),
             *(scaled(value, 1e3, 0) for value in measures["slip"]),
-            scaled(measures["yaw_swing"], _DEGREES, 0),
+            scaled(entry.get("yaw_swing"), _DEGREES, 0),
             scaled(measures["torso_tilt"], _DEGREES, 0),
             number(measures["cost_of_transport"], 2),
         ])  # fmt: skip
@@ -303,7 +303,7 @@ def manner(result: Mapping[str, Any], own: Sequence[Quantity] = ()) -> Table | N
         result: The content of a result.json.
         own: Quantities of the study's own.
     """
-    known = _quantities(result)
+    known = quantities(result)
     rows = []
     for one in (*BUILT_IN.values(), *own):
         if one.name in OUTPUTS or one.name not in known:
@@ -341,9 +341,12 @@ def limit_in_words(limit: Limit | None) -> str:
     return f"at most {high}" if math.isinf(limit.lower) else f"{low} to {high}"
 
 
-def _quantities(result: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return the quantities of a result; of an older one, its measures."""
-    return result.get("quantities") or result.get("measures") or {}
+def quantities(result: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the quantities of a result [SI]; of an older one, those that were measured."""
+    of_old = {"yaw_swing": result.get("yaw_swing"), **(result.get("measures") or {})}
+    return result.get("quantities") or {
+        name: value for name, value in of_old.items() if value is not None
+    }
 
 
 def stages(
@@ -465,7 +468,7 @@ def side_by_side(
         if any(value is not None for value in values):
             rows.append([label, *(number(value, 1) for value in values)])
     for one in (*(BUILT_IN[name] for name in _COMPARED), *own):
-        measured = [_largest(_quantities(result).get(one.name)) for result in results]
+        measured = [_largest(quantities(result).get(one.name)) for result in results]
         rows.append([one.title, *(shown(value, one) for value in measured)])
     return Table(caption="The studies side by side", columns=["", *names], rows=rows)
 

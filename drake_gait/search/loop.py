@@ -179,7 +179,7 @@ class _Run:
         for place, number in enumerate(self._numbers(iteration)):
             candidate = self._settings.space.decode(proposal.x[place])
             first = self._ids(number).start
-            nominal = Trial(candidate=candidate, settings=self._settings.trial_settings)
+            nominal = Trial(candidate=candidate, settings=self._settings.walk)
             end = end_of_proposal(self._settings, iteration, first)
             own = replace(nominal, settings=on_ground(nominal.settings, self._settings, end))
             for variation, id_ in enumerate(self._ids(number)):

@@ -59,13 +59,12 @@ class Record:
     """Vertical force from which a foot counts as carrying load [N]."""
 
 
-def measures_of(record: Record, *, forward: float, yaw_swing: float) -> Measures:
+def measures_of(record: Record, *, forward: float) -> Measures:
     """Return the measures of a walk.
 
     Args:
         record: What is known of it.
         forward: How far it went [m].
-        yaw_swing: The range of the torso's heading [rad].
     """
     time = record.time
     power = record.torques * record.speeds
@@ -95,7 +94,6 @@ def measures_of(record: Record, *, forward: float, yaw_swing: float) -> Measures
         duty_factor=(float(duty[0]), float(duty[1])),
         peak_ground_reaction=1.0 + growth,
         toe_range=tuple(record.toes.max(axis=1).tolist()),
-        yaw_swing=yaw_swing,
         torso_tilt=float(np.arccos(np.clip(record.upright.min(), -1.0, 1.0))),
     )
 

@@ -153,8 +153,8 @@ class Observer:
         stacked["torso"][:, 3:] = np.unwrap(stacked["torso"][:, 3:], axis=0)
         return History(**stacked)
 
-    def measures(self, history: History, forward: float, yaw_swing: float) -> Measures:
-        """The measures of a walk with this history that went `forward` [m] and swung so [rad]."""
+    def measures(self, history: History, forward: float) -> Measures:
+        """Return the measures of a walk with this history that went `forward` [m]."""
         plant = self._robot.plant
         gravity = np.abs(plant.gravity_field().gravity_vector()[2])
         mass = self._mass_factor * plant.CalcTotalMass(plant.CreateDefaultContext())
@@ -181,7 +181,6 @@ class Observer:
             peak_ground_reaction=1.0
             + float(np.diff(self._rising).max(initial=0.0)) / (gravity * FRAME_TIME),
             toe_range=tuple(history.toes.max(axis=0).tolist()),
-            yaw_swing=yaw_swing,
             torso_tilt=float(tilt.max()),
         )
 

@@ -161,8 +161,7 @@ def measured_at_every_step(candidate: Candidate, settings: WalkSettings) -> tupl
     observer, sent = _observer(robot, commands, settings), _sent(robot, commands, settings)
     with drake_messages():
         walk = _advance(robot, context, settings, sent, observer=observer, monitored=True)
-    measures = observer.measures(observer.history(), walk.forward, walk.yaw_swing or 0.0)
-    return walk, measures
+    return walk, observer.measures(observer.history(), walk.forward)
 
 
 def _whole(settings: WalkSettings) -> WalkSettings:
@@ -382,8 +381,7 @@ def _advance(
     walk = walk_of(postures, _centres_of_mass(robot, positions[[0, end]]), fall, frames)
     if walk.outcome is Outcome.DIVERGED:
         return walk
-    swung = walk.forward, walk.yaw_swing or 0.0
-    measured = _measures(robot, context, settings, sent, end=end, walk=swung)
+    measured = _measures(robot, context, settings, sent, end=end, forward=walk.forward)
     return replace(walk, history=observer.history() if observer else None, measures=measured)
 
 
@@ -394,7 +392,7 @@ def _measures(
     sent: FloatArray,
     *,
     end: int,
-    walk: tuple[float, float],
+    forward: float,
 ) -> Measures:
     """Return the measures of a walk up to the frame `end`, from what Drake has logged."""
     log = cast(VectorLogSink, robot.steps).FindLog(context)
@@ -406,7 +404,7 @@ def _measures(
         record = robot.meter.record(
             time[:count], states[:, :count], sent, mass, delay=settings.delay
         )
-        return measures_of(record, forward=walk[0], yaw_swing=walk[1])
+        return measures_of(record, forward=forward)
 
 
 def _centres_of_mass(robot: Robot, postures: FloatArray) -> list[FloatArray]:

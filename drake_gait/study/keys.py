@@ -96,6 +96,9 @@ OLDER = {
 }
 """Settings that a description of an older study lacks, with what it walked with."""
 
+DROPPED = {("walk", "measures"): "every walk has its measures"}
+"""Settings of older versions that are without effect, by section and key, and the reason."""
+
 _IN_FILE = {
     f"{section}.{field}": (f"{section}.{key}", unit)
     for section, table in {

@@ -44,6 +44,7 @@ from drake_gait.study.keys import (
     BOX,
     CONFIRMATION,
     CONSTRAINTS,
+    DROPPED,
     FOOT,
     KEYS,
     MEASURED_CONFIRMATION,
@@ -109,6 +110,7 @@ def read_study(
                 robot_section.override(content, (section, key), Path.cwd())  # Likewise.
             elif (section, key) == ("study", "quantities") and value and isinstance(value, str):
                 values[key] = str(Path(value).absolute())
+    dropped = _drop(content)
     try:
         own = _own_quantities(content, path.parent, quantities)
         _check_sections(content, own)
@@ -116,10 +118,21 @@ def read_study(
         folder = begun(name) if begun is not None and isinstance(name, str) else None
         content, origin, notes = resolve_centre(content, path.parent, folder, study_settings)
         source = replace(source, centre_from=origin)
-        return replace(_study(content, path.parent, own), source=source, notes=notes)
+        return replace(_study(content, path.parent, own), source=source, notes=(*dropped, *notes))
     except SettingsError as error:
         changed = "".join(f", {section}.{key} set" for section, key in overrides or {})
         raise SettingsError(f"study {path}{changed}: {error}") from None
+
+
+def _drop(content: Mapping[str, Any]) -> tuple[str, ...]:
+    """Take settings that are without effect out of a study's content; return a line for each."""
+    notes = []
+    for (section, key), reason in DROPPED.items():
+        values = content.get(section)
+        if isinstance(values, dict) and key in values:
+            del values[key]
+            notes.append(f"{section}.{key} is without effect and can be left out: {reason}")
+    return tuple(notes)
 
 
 def read_override(text: str) -> tuple[tuple[str, str], Any]:

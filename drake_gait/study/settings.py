@@ -16,7 +16,6 @@ from drake_gait.problem import (
     Constraints,
     DesignSpace,
     Limit,
-    Needs,
     Objective,
     Quantity,
     assess,
@@ -137,12 +136,6 @@ class StudySettings:
         return quantities(self.constraints, self.search.objective)
 
     @property
-    def trial_settings(self) -> WalkSettings:
-        """Return how the walks of the search are simulated: with measures where they are needed."""
-        needed = (*self.outputs, *self.quantities)
-        return replace(self.walk, measures=any(one.needs is Needs.MEASURES for one in needed))
-
-    @property
     def two_grounds(self) -> bool:
         """Return whether the search's walks alternate between slippery and sticky ground."""
         alternates = self.search.grounds and self.search.mode is not Mode.PAPER
@@ -159,7 +152,6 @@ class StudySettings:
         walk.pop("disturbance")  # Of single walks.
         walk.pop("integrator")  # The fidelity says it; another one is for comparisons only.
         walk.pop("contact")  # The sole says it, likewise.
-        walk.pop("measures")  # The objective and the constraints say it.
         start = walk.pop("start")
         nested = {
             "study": {

@@ -31,7 +31,7 @@ from drake_gait.errors import GaitError, StudyError
 from drake_gait.problem import Quantity
 from drake_gait.study._database import Database, damaged, write_new
 from drake_gait.study._lock import driver_lock
-from drake_gait.study.keys import OLDER, difference
+from drake_gait.study.keys import DROPPED, OLDER, difference
 from drake_gait.study.records import (
     COLUMNS,
     CONFIRMATIONS,
@@ -271,7 +271,8 @@ class Study:
         now = wanted.get("settings", found["settings"])
         self._require_quantities(wanted.get(QUANTITIES, []), found)
         was = {key: OLDER[key] for key in OLDER.keys() & now.keys()} | found["settings"]
-        for key in sorted((was.keys() | now.keys()) - _WORDS - _MORE - {_BUDGET}):
+        left_out = _WORDS | _MORE | {_BUDGET} | {".".join(name) for name in DROPPED}
+        for key in sorted((was.keys() | now.keys()) - left_out):
             if was.get(key) != now.get(key):
                 told = difference(key, was.get(key), now.get(key), self.quantities())
                 raise StudyError(f"{folder} holds a study with {told}; {cure}")

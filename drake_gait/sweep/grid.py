@@ -229,7 +229,7 @@ def _planned(grid: Grid, settings: StudySettings) -> Iterator[Planned]:
             id=id_,
             stage="design",
             iteration=place[-1],
-            trial=Trial(candidate=candidate(grid, place), settings=settings.trial_settings),
+            trial=Trial(candidate=candidate(grid, place), settings=settings.walk),
         )
 
 

@@ -164,14 +164,15 @@ def test_studies_of_every_outcome_are_compared(study, entries, tmp_path):
     assert str(2**200 + 3) in page
 
 
-def test_a_missing_measure_of_a_walk_is_a_dash(measures):
+def test_a_missing_measure_of_a_walk_is_a_dash(measures, walked):
     nan = float("nan")
     lacking = dataclasses.replace(
         measures, duty_factor=(nan, 0.5), clearance=(nan, nan), cost_of_transport=float("inf")
     )
-    said = manner_in_words(lacking)
+    said = manner_in_words(dataclasses.replace(walked, measures=lacking))
     assert "duty - / 0.50" in said
     assert "clearance - / - mm" in said
+    assert "yaw swing - degrees" in said
     assert said.endswith("cost of transport -")
     empty = Measures(
         **{
@@ -179,7 +180,10 @@ def test_a_missing_measure_of_a_walk_is_a_dash(measures):
             for name, value in dataclasses.asdict(measures).items()
         }
     )
-    assert not re.search("nan|inf", manner_in_words(empty))
+    assert not re.search("nan|inf", manner_in_words(dataclasses.replace(walked, measures=empty)))
+    swung = dataclasses.replace(walked, measures=measures, yaw_swing=np.radians(12.0))
+    assert "yaw swing 12 degrees" in manner_in_words(swung)
+    assert manner_in_words(walked) == ""
 
 
 def test_a_walk_that_was_not_simulated_has_a_reason_in_the_place_of_numbers():
@@ -214,7 +218,6 @@ def test_a_sweep_of_studies_of_every_outcome_has_a_row_for_each_and_strict_json(
             duty_factor=(float("nan"), 0.5),
             peak_ground_reaction=1.0,
             toe_range=(0.0, 0.0, 0.0, 0.0),
-            yaw_swing=0.1,
             torso_tilt=0.1,
         )
     )

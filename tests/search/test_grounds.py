@@ -157,7 +157,9 @@ def best_recommended(settings, samples):
     return max(trusted(settings, one.candidate) for one in recommended(settings, samples)[:8])
 
 
-@pytest.mark.parametrize("mode", [Mode.DEFAULT, Mode.ISADE_NETWORK])
+@pytest.mark.parametrize(
+    "mode", [Mode.DEFAULT, pytest.param(Mode.ISADE_NETWORK, marks=pytest.mark.slow)]
+)
 def test_a_search_on_two_grounds_recommends_what_holds(study, tmp_path, mode):
     found = []
     for seed in range(3):
@@ -172,6 +174,7 @@ def test_a_search_on_two_grounds_recommends_what_holds(study, tmp_path, mode):
     assert np.median(found) > 0.65 * ROBUST_BEST
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("risk", ["mean", "worst"])
 def test_every_risk_recommends_what_holds(study, tmp_path, risk):
     found = []

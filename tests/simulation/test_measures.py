@@ -145,7 +145,7 @@ STANDS: dict[str, Any] = {
 
 def measured(forward: float = 0.0, **changes: Any) -> Any:
     """Measures of a robot that stands still, but for changes."""
-    return measures_of(Record(**{**STANDS, **changes}), forward=forward, yaw_swing=0.0)
+    return measures_of(Record(**{**STANDS, **changes}), forward=forward)
 
 
 def test_who_stands_still_has_no_slip_no_swing_and_both_feet_down() -> None:

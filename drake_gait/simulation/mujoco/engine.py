@@ -174,7 +174,7 @@ class _Log:
             record = replace(
                 record, loads=np.array(self._loads).T, sliding=np.array(self._sliding).T
             )
-            return measures_of(record, forward=walk.forward, yaw_swing=walk.yaw_swing or 0.0)
+            return measures_of(record, forward=walk.forward)
 
 
 _LIGHTEST = 1e-6
