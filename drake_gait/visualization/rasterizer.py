@@ -160,9 +160,10 @@ def _enter(corners: FloatArray, depth: FloatArray, face: NDArray[np.int_], first
     nearness, inside = _nearness(x, y, corners[of].transpose(2, 1, 0), area[of])
     inside &= nearness > depth[y, x] + _CLEARLY
     # Where two meet, the first one stays: of equal indices numpy keeps the last.
-    x, y, of, nearness = (one[inside][::-1] for one in (x, y, of, nearness))
-    depth[y, x] = nearness
-    face[y, x] = first + of
+    kept = np.flatnonzero(inside)[::-1]
+    x, y = x[kept], y[kept]
+    depth[y, x] = nearness[kept]
+    face[y, x] = first + of[kept]
 
 
 def _nearness(
