@@ -44,7 +44,9 @@ def _write_results(settings: StudySettings, study: Study, folder: Path) -> None:
     written = write_outputs(with_robot(settings, study), walks, folder, wall_s=wall_s)
     searched = sum(walk.is_search_walk for walk in walks)
     if written.network is not None:
-        print(f"network of all {searched} walks: {r_squared_line(written.network)}")
+        part = "all" if written.network.walks == searched else "the latest"
+        told = f"network of {part} {written.network.walks} walks"
+        print(f"{told}: {r_squared_line(written.network)}")
         print(baselines_line(written.result))
     else:
         print(
@@ -60,6 +62,6 @@ def _write_results(settings: StudySettings, study: Study, folder: Path) -> None:
         print("Walked again: none, as no candidate is feasible or [confirmation] has no walks left")
     print()
     print(written.result["verdict"])
-    if written.replayed is not None and (manner := manner_in_words(written.replayed)):
+    if written.best is not None and (manner := manner_in_words(written.best.walk)):
         print(f"how it walks: {manner}")
     print(f"{folder}: {', '.join(written.files)}")

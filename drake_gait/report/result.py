@@ -3,10 +3,11 @@
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from drake_gait.gait import FloatArray
 from drake_gait.provenance import versions
 from drake_gait.report.study_result import best_in_words, distances, plain_walk, quantities_of
 from drake_gait.study.finalists import Finalist, Tier, best_unslipping, finalists, winner
@@ -15,9 +16,23 @@ from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
 from drake_gait.walk import Outcome, Walk
 
-if TYPE_CHECKING:  # They load torch and scikit-learn, which no word needs.
+if TYPE_CHECKING:  # It loads torch and scikit-learn, which no word needs.
     from drake_gait.surrogates.baselines import Comparison
-    from drake_gait.surrogates.ensemble import Surrogate
+
+
+class Scored(Protocol):
+    """Something of which is known how much it explains, such as a network."""
+
+    @property
+    def r2_train(self) -> FloatArray:
+        """Share of variance explained on the walks learnt from, shape (k,)."""
+        ...
+
+    @property
+    def r2_heldout(self) -> FloatArray:
+        """Share of variance explained on walks not seen, shape (k,)."""
+        ...
+
 
 PAPER_TABLE = (
     # X_f [mm], Z_f [mm], R_f [deg], N: the paper's Table II, F1 to F8.
@@ -35,7 +50,7 @@ PAPER_TABLE = (
 def summary(
     settings: StudySettings,
     walks: Sequence[StudyWalk],
-    network: "Surrogate | None",
+    network: Scored | None,
     *,
     baselines: "Comparison | None" = None,
     wall_s: float,
@@ -75,14 +90,23 @@ def summary(
         "confirmations": len(walks) - len(searched),
         "survivors": sum(walk.walk.survived for walk in searched),
         "feasible_count": sum(settings.assess(walk.walk).feasible for walk in searched),
+        **scores(network, baselines, outputs),
+        "wall_s": wall_s,
+        "versions": versions(),
+    }
+
+
+def scores(
+    network: Scored | None, baselines: "Comparison | None", outputs: Sequence[str]
+) -> dict[str, Any]:
+    """Return what result.json says of a network and its baselines; None for what is not known."""
+    return {
         "r2_train": _by_output(network.r2_train if network else None, outputs),
         "r2_heldout": _by_output(network.r2_heldout if network else None, outputs),
         "r2_heldout_ridge": _by_output(baselines.ridge if baselines else None, outputs),
         "r2_heldout_kriging": _by_output(baselines.kriging if baselines else None, outputs),
         "survival_auc": baselines.network_auc if baselines else None,
         "survival_auc_logistic": baselines.logistic_auc if baselines else None,
-        "wall_s": wall_s,
-        "versions": versions(),
     }
 
 
@@ -209,7 +233,7 @@ def _counts(walks: Sequence[StudyWalk], feasible: int) -> dict[str, Any] | None:
     }
 
 
-def r_squared_line(network: "Surrogate") -> str:
+def r_squared_line(network: Scored) -> str:
     """R² of every output, training and held-out, as text."""
     names = ("Z", "X", "R", "Y")
     pairs = zip(names, network.r2_train, network.r2_heldout, strict=False)

@@ -172,7 +172,7 @@ class StudyResult:
             for name in ("r2_heldout_ridge", "r2_heldout_kriging"):
                 known.setdefault(name, dict.fromkeys(content["r2_heldout"]))
             if content.get("measures") is not None:
-                known["measures"] = _measures(content["measures"])
+                known["measures"] = measures_from(content["measures"])
             return cls(**known)
         except KeyError as error:
             reason = f"the key {error} is missing, or unknown"
@@ -330,7 +330,7 @@ def _best(content: Mapping[str, Any]) -> StudyWalk | None:
             name: tuple(np.nan if one is None else one for one in values)
             for name, values in walk.get("values", {}).items()
         }
-        numbers["measures"] = walk["measures"] and _measures(walk["measures"])
+        numbers["measures"] = walk["measures"] and measures_from(walk["measures"])
         numbers["outcome"] = Outcome(walk["outcome"])
         kept["walk"] = Walk(**numbers)
         return StudyWalk(**kept)
@@ -359,8 +359,8 @@ def _best(content: Mapping[str, Any]) -> StudyWalk | None:
 _NUMBERS = ("forward", "lateral", "yaw", "com_height")
 
 
-def _measures(content: Mapping[str, Any]) -> Measures:
-    """Measures from JSON: what is null was not finite."""
+def measures_from(content: Mapping[str, Any]) -> Measures:
+    """Return measures from JSON: what is null was not finite."""
 
     def number(value: Any) -> Any:
         if isinstance(value, list):

@@ -182,10 +182,12 @@ def postures(history: History, pictures: Sequence[Picture], path: Path) -> None:
             whole, toes = rows[:, column]
             centre = history.com[frame, 0]
             left, right, lower, upper = (1e3 * edge for edge in picture.extent)
+            # Bytes, which matplotlib scales in half the time.
+            pixels = np.round(255.0 * np.clip(picture.pixels, 0.0, 1.0)).astype(np.uint8)
             for axes in (whole, toes):
                 axes.axhline(0.0, color=INK, linewidth=0.8, zorder=1)
                 axes.imshow(
-                    np.clip(picture.pixels, 0.0, 1.0),
+                    pixels,
                     interpolation="antialiased",
                     extent=(left - 1e3 * centre, right - 1e3 * centre, lower, upper),
                     zorder=2,
