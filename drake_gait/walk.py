@@ -188,7 +188,7 @@ class Outcome(StrEnum):
     """End of a walk."""
 
     WALKED = "walked"
-    """All 240 frames on its feet."""
+    """All frames on its feet."""
     FELL = "fell"
     """The torso tilted or sank past the fall criterion."""
     DIVERGED = "diverged"
@@ -202,7 +202,7 @@ class History:
     time: FloatArray
     """Time of each frame [s], shape (n,)."""
     positions: FloatArray
-    """Positions of the plant, shape (n, 21), (n, 17) with rigid toes: what a recording replays."""
+    """Positions of the plant, which a recording replays: (n, 21), (n, 17) with rigid toes."""
     com: FloatArray
     """Centre of mass p_WC [m], shape (n, 3)."""
     torso: FloatArray
@@ -212,13 +212,19 @@ class History:
     commands: FloatArray
     """Commanded joint angles [rad], shape (n, 10), columns as gait.JOINTS."""
     angles: FloatArray
-    """Measured joint angles [rad], shape (n, 10)."""
+    """Measured joint angles [rad], shape (n, 10), as commands; NaN of joints that it has not.
+
+    They are counted as a gait counts them: from the standing pose, in the KHR-3HV's signs.
+    """
     speeds: FloatArray
     """Joint speeds [rad/s], shape (n, 10)."""
     torques: FloatArray
     """Torques of the servos on their joints [N·m], shape (n, 10)."""
     toes: FloatArray
-    """Toe angles [rad], shape (n, 4): right big, right lesser, left big, left lesser."""
+    """Toe angles [rad], shape (n, 4): right big, right lesser, left big, left lesser.
+
+    NaN of toes that the robot has not.
+    """
     ground_reaction: FloatArray
     """Force of the ground on the right and the left foot with its toes [N], shape (n, 2, 3)."""
     sole_height: FloatArray

@@ -5,7 +5,7 @@ Drake takes the beginning of `1,373` or `1.4 N m` for a number, and a default fo
 
 import copy
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import lru_cache
 from types import MappingProxyType
 from xml.etree.ElementTree import Element
@@ -155,15 +155,10 @@ def _check_attributes(description: Description, robot: RobotFile) -> None:
                     f"joint '{element.get('name')}' has a stiffness, which Drake does not read; "
                     "remove it",
                 )
-            if (element.tag, key) == ("mass", "value") or key == "mass":
-                _check_mass(description, element, value)
-
-
-def _check_mass(description: Description, element: Element, value: str) -> None:
-    if not float(value) > 0.0:
-        raise description.refusal(
-            element, f"{_owner(description, element)}mass must be > 0 kg, got '{value}'"
-        )
+            # In an MJCF, sizes of planes may be 0.
+            name = element.tag if key == "value" else key
+            if description.format is Format.URDF or name not in ("size", "length", "radius"):
+                _check_sign(description, element, name, value)
 
 
 def _check_numbers(description: Description) -> None:
@@ -194,7 +189,8 @@ def _check_text(
         _NUMBER.fullmatch(word) or (infinite and _INFINITE.fullmatch(word)) for word in words
     )
     if good and (not counts or len(words) in counts):
-        _check_sign(description, element, words)
+        if counts:
+            _check_sign(description, element, element.tag, text)
         return
     wanted = {(): "numbers", (1,): "a number", (3,): "three numbers"}.get(counts, "six numbers")
     raise description.refusal(
@@ -204,14 +200,14 @@ def _check_text(
     )
 
 
-def _check_sign(description: Description, element: Element, words: Sequence[str]) -> None:
-    positive, not_negative = element.tag in _POSITIVE, element.tag in _NOT_NEGATIVE
-    for word in words:
+def _check_sign(description: Description, element: Element, name: str, text: str) -> None:
+    positive, not_negative = name in _POSITIVE, name in _NOT_NEGATIVE
+    for word in text.split():
         if (positive and not float(word) > 0.0) or (not_negative and not float(word) >= 0.0):
             raise description.refusal(
                 element,
-                f"{_owner(description, element)}<{element.tag}> must be "
-                f"{'> 0' if positive else '>= 0'}, got '{element.text}'",
+                f"{_owner(description, element)}<{name}> must be "
+                f"{'> 0' if positive else '>= 0'}, got '{text}'",
             )
 
 

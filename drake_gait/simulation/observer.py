@@ -78,7 +78,7 @@ class Observer:
         self._joint_positions = [joint.position_start() for joint in joints]
         self._joint_velocities = [joint.velocity_start() for joint in joints]
         self._toe_positions = toe_positions(plant, told)
-        self._toes = len(told.hinges)
+        self._absent = [np.nan if hinge is None else 0.0 for hinge in told.hinges]
         self._stall = robot.meter.stall
         self._back_emf: FloatArray = servo.back_emf(self._stall, robot.config.supply)
         self._feet = [[plant.GetBodyByName(link) for link in leg.plates] for leg in told.legs]
@@ -180,7 +180,7 @@ class Observer:
             # By momentum: forces read from a state that ends a step are not those of the step.
             peak_ground_reaction=1.0
             + float(np.diff(self._rising).max(initial=0.0)) / (gravity * FRAME_TIME),
-            toe_range=tuple(history.toes.max(axis=0).tolist()),
+            toe_range=tuple(np.nan_to_num(history.toes.max(axis=0)).tolist()),
             torso_tilt=float(tilt.max()),
         )
 
@@ -194,8 +194,8 @@ class Observer:
         return self._plant_context
 
     def _toe_angles(self, positions: FloatArray) -> FloatArray:
-        """Angles of the toes [rad], shape (4,)."""
-        angles: FloatArray = np.zeros(self._toes)
+        """Angles of the toes [rad], shape (4,); 0 of rigid ones, NaN of those that are none."""
+        angles = np.array(self._absent)
         for column, index in self._toe_positions.items():
             angles[column] = positions[index]
         return angles

@@ -270,6 +270,8 @@ def _standing(config: PlantConfig) -> FloatArray:
     check_placed(robot, plant_context, model)
     check_toes(model)
     before = _posture(robot, plant_context)
+    gait_context = robot.gait.GetMyMutableContextFromRoot(context)
+    robot.gait.set_commands(gait_context, np.tile(robot.joints.standing, (2, 1)))
     stepping = Integrator(step=SEARCH_STEP)
     with drake_messages():
         try:

@@ -13,11 +13,11 @@ from drake_gait.simulation.messages import default_context
 from drake_gait.simulation.plant import add_robot
 from drake_gait.simulation.plant_config import PlantConfig
 from drake_gait.visualization.meshcat import (
-    ROBOT_HEIGHT,
     draw_ground,
     draws,
     place_camera,
     set_lights,
+    shown,
 )
 
 _GROUND = np.array([-0.2, -0.3]), np.array([0.8, 0.3])  # most walks end on it [m]
@@ -39,7 +39,8 @@ class Screen:
         self._begun: float | None = None
         set_lights(meshcat)
         draw_ground(meshcat, *_GROUND)
-        place_camera(meshcat, [*_GROUND[0], 0.0], [*_GROUND[1], ROBOT_HEIGHT])
+        height = shown(self._plant, scene_graph, model).height
+        place_camera(meshcat, [*_GROUND[0], 0.0], [*_GROUND[1], height])
 
     def show(self, instant: float, positions: FloatArray) -> None:
         """Show the robot, not before its instant [s] has come: never faster than real time."""

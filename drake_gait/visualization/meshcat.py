@@ -10,6 +10,7 @@ import time
 import traceback
 import weakref
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
@@ -23,6 +24,7 @@ from pydrake.geometry import (
     MeshcatVisualizer,
     MeshcatVisualizerParams,
     Rgba,
+    SceneGraph,
 )
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
@@ -31,7 +33,8 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from drake_gait.errors import GaitError, SettingsError
 from drake_gait.gait import FRAME_TIME, FloatArray
 from drake_gait.problem import Candidate
-from drake_gait.robot.description import Model
+from drake_gait.robot.description import Model, read_model
+from drake_gait.simulation.collision import box_corners
 from drake_gait.simulation.messages import default_context
 from drake_gait.simulation.plant import add_robot
 from drake_gait.simulation.plant_config import PlantConfig
@@ -50,8 +53,10 @@ from drake_gait.visualization.palette import (
 )
 from drake_gait.walk import History
 
-FORCE_SCALE = 0.010
-"""Length of a ground reaction arrow [m/N]: the robot's weight is 147 mm long."""
+_WEIGHT = 0.147
+"""Length of a ground reaction arrow that is the robot's weight [m]."""
+_OVERHEAD = 0.009
+"""What is shown above the robot [m]."""
 
 _COM, _RIGHT, _LEFT = (Rgba(*rgb(colour)) for colour in (COM, RIGHT, LEFT))
 _FLOOR, _FINE_LINE, _COARSE_LINE = (
@@ -62,8 +67,6 @@ _START, _FINISH = Rgba(*rgb(START)), Rgba(*rgb(FINISH))
 _FIELD_OF_VIEW = np.radians(24.0)  # narrow: little perspective, so that lengths can be compared
 VIEW = (0.62, -1.0, 0.42)
 """Direction of the camera: from the robot's right, ahead and above."""
-ROBOT_HEIGHT = 0.41
-"""Height that is shown above the floor [m]."""
 _ASPECT = 1.5  # width over height of a page, at least; a narrower one shows all of it smaller
 _FILLED, _PANEL = 0.94, 0.22  # parts of half the picture: filled by the walk, hidden by the panel
 _MARGIN = 0.10  # room round the walk: the feet reach 80 mm beyond the ankles [m]
@@ -181,14 +184,39 @@ def _vector(values: ArrayLike) -> Any:
     return np.asarray(values, dtype=float)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Shown:
+    """A robot that is shown."""
+
+    height: float
+    """Height that is to be seen above the floor [m]."""
+    force_scale: float
+    """Length of a ground reaction arrow [m/N], in two digits."""
+
+
+def shown(plant: MultibodyPlant, scene_graph: SceneGraph, model: Model) -> Shown:
+    """Return how large a robot is."""
+    context, torso = plant.CreateDefaultContext(), read_model(model).robot.torso
+    instance = plant.GetBodyByName(torso).model_instance()
+    highest = 0.0
+    for index in plant.GetBodyIndices(instance):
+        body = plant.get_body(index)
+        X_WB = plant.EvalBodyPoseInWorld(context, body)
+        highest = max(highest, float(X_WB.translation()[2]))
+        for corners in box_corners(plant, scene_graph, body).values():
+            highest = max(highest, float((X_WB @ corners)[2].max()))
+    weight = plant.CalcTotalMass(context) * np.abs(plant.gravity_field().gravity_vector()[2])
+    return Shown(height=highest + _OVERHEAD, force_scale=float(f"{_WEIGHT / weight:.2g}"))
+
+
 def animate_robot(
     meshcat: Meshcat,
     history: History,
     candidate: Candidate,
     model: Model,
     prefix: str = "",
-) -> None:
-    """Pose the links at every frame.
+) -> Shown:
+    """Pose the links at every frame; returns how large the robot is.
 
     Raises:
         SettingsError: another robot walked this walk.
@@ -209,6 +237,7 @@ def animate_robot(
         context.SetTime(instant(frame))
         plant.SetPositions(plant_context, positions)
         diagram.ForcedPublish(context)
+    return shown(plant, scene_graph, model)
 
 
 def _check_positions(history: History, plant: MultibodyPlant, model: Model) -> None:
@@ -219,8 +248,10 @@ def _check_positions(history: History, plant: MultibodyPlant, model: Model) -> N
         )
 
 
-def animate_ground_reaction(meshcat: Meshcat, history: History, prefix: str = "") -> None:
-    """One arrow a foot, beside the ankle, along the force and FORCE_SCALE long."""
+def animate_ground_reaction(
+    meshcat: Meshcat, history: History, prefix: str = "", *, scale: float = 0.01
+) -> None:
+    """One arrow a foot, beside the ankle, along the force and `scale` long [m/N]."""
     for foot, (side, colour, outwards) in enumerate(
         (("right", _RIGHT, -_ARROW_OFFSET), ("left", _LEFT, _ARROW_OFFSET))
     ):
@@ -233,7 +264,7 @@ def animate_ground_reaction(meshcat: Meshcat, history: History, prefix: str = ""
         upside_down = RotationMatrix.MakeXRotation(np.pi)
         meshcat.SetTransform(f"{head}/cone", RigidTransform(upside_down))
         for frame, force in enumerate(history.ground_reaction[:, foot]):
-            length = FORCE_SCALE * float(np.linalg.norm(force))
+            length = scale * float(np.linalg.norm(force))
             # A foot in the air has no arrow; an object cannot be scaled to nothing.
             head_scale = max(min(1.0, length / (2.0 * _ARROW_HEAD)), 1e-3)
             direction = force if length > 1e-6 else np.array([0.0, 0.0, 1.0])

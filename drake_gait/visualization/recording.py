@@ -24,8 +24,7 @@ from drake_gait.problem import Candidate
 from drake_gait.robot.description import Model
 from drake_gait.visualization import palette
 from drake_gait.visualization.meshcat import (
-    FORCE_SCALE,
-    ROBOT_HEIGHT,
+    Shown,
     animate_ground_reaction,
     animate_robot,
     draw_floor,
@@ -79,10 +78,10 @@ def record(
 
     def draw(meshcat: Meshcat) -> str:
         _begin(meshcat)
-        _show(meshcat, history, candidate, model)
+        (seen,) = _show(meshcat, [(history, candidate, model, "")])
         lower, upper = floor_extent(history)
-        place_camera(meshcat, [*lower, 0.0], [*upper, ROBOT_HEIGHT])
-        return _page(meshcat, caption or "A walk", [])
+        place_camera(meshcat, [*lower, 0.0], [*upper, seen.height])
+        return _page(meshcat, caption or "A walk", [], seen.force_scale)
 
     _write(with_meshcat(draw), Path(path))
 
@@ -117,10 +116,14 @@ def _gallery(
     """Draw walks side by side; returns their page."""
     _begin(meshcat)
     labels: list[dict[str, Any]] = []
+    walks = [
+        (history, exhibit.candidate, exhibit.model, f"walk {number}/")
+        for number, (exhibit, history) in enumerate(zip(exhibits, histories, strict=True))
+    ]
+    seen = _show(meshcat, walks)
     near, corners = 0.0, []
     for number, (exhibit, history) in enumerate(zip(exhibits, histories, strict=True)):
         lane = f"walk {number}"
-        _show(meshcat, history, exhibit.candidate, exhibit.model, f"{lane}/")
         lower, upper = floor_extent(history)
         offset: Any = np.array([-history.com[0, 0], near - lower[1], 0.0])
         meshcat.SetTransform(lane, RigidTransform(offset))
@@ -130,8 +133,8 @@ def _gallery(
         corners += [lower, upper]
         near = float(upper[1])
     low, high = np.min(corners, axis=0), np.max(corners, axis=0)
-    place_camera(meshcat, [*low, 0.0], [*high, ROBOT_HEIGHT], _GALLERY_VIEW)
-    return _page(meshcat, caption, labels)
+    place_camera(meshcat, [*low, 0.0], [*high, max(one.height for one in seen)], _GALLERY_VIEW)
+    return _page(meshcat, caption, labels, min(one.force_scale for one in seen))
 
 
 def _history(walk: Walk) -> History:
@@ -145,29 +148,32 @@ def _begin(meshcat: Meshcat) -> None:
     set_lights(meshcat)
 
 
-def _show(
-    meshcat: Meshcat, history: History, candidate: Candidate, model: Model, prefix: str = ""
-) -> None:
-    """Put one walk into the scene, everything of it below `prefix`."""
-    draw_floor(meshcat, history, prefix)
-    draw_paths(meshcat, history, prefix)
-    animate_robot(meshcat, history, candidate, model, prefix)
-    animate_ground_reaction(meshcat, history, prefix)
+def _show(meshcat: Meshcat, walks: Sequence[tuple[History, Candidate, Model, str]]) -> list[Shown]:
+    """Put walks into the scene, everything of each below its prefix; forces have one scale."""
+    found = []
+    for history, candidate, model, prefix in walks:
+        draw_floor(meshcat, history, prefix)
+        draw_paths(meshcat, history, prefix)
+        found.append(animate_robot(meshcat, history, candidate, model, prefix))
+    scale = min(one.force_scale for one in found)
+    for history, _, _, prefix in walks:
+        animate_ground_reaction(meshcat, history, prefix, scale=scale)
+    return found
 
 
-def _page(meshcat: Meshcat, caption: str, labels: Sequence[dict[str, Any]]) -> str:
+def _page(meshcat: Meshcat, caption: str, labels: Sequence[dict[str, Any]], scale: float) -> str:
     animation = meshcat.get_mutable_recording()
     animation.set_loop_mode(MeshcatAnimation.LoopMode.kLoopRepeat)
     animation.set_repetitions(1_000_000)
     meshcat.PublishRecording()
-    return _with_panel(meshcat.StaticHtml(), caption, labels)
+    return _with_panel(meshcat.StaticHtml(), caption, labels, scale)
 
 
 def _write(page: str, path: Path) -> None:
     write(path, page.encode("utf-8", "replace"), what="the recording ")
 
 
-def _with_panel(page: str, caption: str, labels: Sequence[dict[str, Any]]) -> str:
+def _with_panel(page: str, caption: str, labels: Sequence[dict[str, Any]], scale: float) -> str:
     """Add title, caption, legend, labels, pause button and time slider to Meshcat's page.
 
     In a browser that cannot draw it, the page is one sentence.
@@ -176,7 +182,7 @@ def _with_panel(page: str, caption: str, labels: Sequence[dict[str, Any]]) -> st
     panel = (files("drake_gait.visualization") / "recording_panel.html").read_text(encoding="utf-8")
     # No label can end the script that holds it.
     listed = json.dumps(labels).replace("<", "\\u003c")
-    texts = {"scale": f"{1e3 * FORCE_SCALE:g}", "labels": listed}
+    texts = {"scale": f"{1e3 * scale:g}", "labels": listed}
     colours = ("COM", "RIGHT", "LEFT", "START", "FINISH", "INK", "FOCUS", "WARNING", "WHITE")
     texts |= {"caption": title, **{name: getattr(palette, name) for name in colours}}
     panel = re.sub("@([a-zA-Z]+)@", lambda named: texts[named[1]], panel)

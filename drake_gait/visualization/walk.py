@@ -28,6 +28,7 @@ CONTACT_FORCE = 0.1
 """A foot stands on the ground when it is pressed with more than this [N]."""
 
 _ROOM_BEHIND, _ROOM_AHEAD, _EDGE = 120.0, 145.0, 5.0  # round the centre of mass, at least [mm]
+_OVERHEAD, _UNDER = 17.0, 12.0  # over the robot, and under the ground [mm]
 _IMPACT = 4.0  # times the usual force: beyond this, an impact is cut off
 _LEG_JOINTS = {
     "roll": "hip_roll",
@@ -46,10 +47,11 @@ def waveforms(history: History, path: str | Path) -> None:
     """
     with style():
         figure = new_figure(COLUMN, 5.4)
-        panels = figure.subplots(len(WAVEFORMS), 1, sharex=True)
+        known = [one for one in WAVEFORMS if _is_there(history, f"{_LEG_JOINTS[one]}_r")]
+        panels = figure.subplots(len(known), 1, sharex=True, squeeze=False)[:, 0]
         shown = _between(history.time, *_NATURAL_CYCLE)
         time = history.time[shown]
-        for axes, waveform in zip(panels, WAVEFORMS, strict=True):
+        for axes, waveform in zip(panels, known, strict=True):
             for side, colour in SIDES:
                 column = JOINTS.index(f"{_LEG_JOINTS[waveform]}_{side[0]}")
                 command = np.degrees(history.commands[shown, column])
@@ -90,6 +92,11 @@ def waveforms(history: History, path: str | Path) -> None:
         )
         figure.align_ylabels()
         save_figure(figure, path)
+
+
+def _is_there(history: History, role: str) -> bool:
+    """Return whether a robot has a joint of a role: it has angles."""
+    return not np.isnan(history.angles[:, JOINTS.index(role)]).all()
 
 
 def paths(history: History, path: str | Path) -> None:
@@ -174,9 +181,11 @@ def postures(history: History, pictures: Sequence[Picture], path: Path) -> None:
     behind = min(-_ROOM_BEHIND, *(begin - _EDGE for begin, _ in reach))
     ahead = max(_ROOM_AHEAD, *(end + _EDGE for _, end in reach))
     scale = (_ROOM_BEHIND + _ROOM_AHEAD) / (ahead - behind)
+    top = _OVERHEAD + 1e3 * max(picture.extent[3] for picture in pictures)
+    tall = scale * (top + _UNDER)
     with style():
-        figure = new_figure(PAGE, 1.4 + 2.5 * scale)
-        rows = figure.subplots(2, len(frames), sharey="row", height_ratios=(430 * scale, 110))
+        figure = new_figure(PAGE, 1.4 + tall / 172.0)
+        rows = figure.subplots(2, len(frames), sharey="row", height_ratios=(tall, 110))
         for column, (frame, picture) in enumerate(zip(frames, pictures, strict=True)):
             instant, phase = GAIT_PHASES[column]
             whole, toes = rows[:, column]
@@ -213,15 +222,15 @@ def postures(history: History, pictures: Sequence[Picture], path: Path) -> None:
                 markeredgecolor="white",
                 zorder=3,
             )
-            whole.set(xlim=(behind, ahead), ylim=(-12.0, 418.0))
+            whole.set(xlim=(behind, ahead), ylim=(-_UNDER, top))
             whole.set_title(f"{instant:.1f} s, {phase}")
             # Of the foot whose toes are bent more; in front of its ankle, at twice the scale.
-            foot = int(np.argmax(history.toes[frame].reshape(2, 2).max(axis=1)))
+            bent = np.nan_to_num(history.toes[frame]).reshape(2, 2)
+            foot = int(np.argmax(bent.max(axis=1)))
             begin = 1e3 * (history.ankles[frame, foot, 0] - centre) - 30.0
             toes.set(xlim=(begin, begin + 132.5), ylim=(-9.0, 46.0), yticks=(0.0, 25.0))
-            # Adding zero makes a plain one of minus zero.
-            big, lesser = np.round(np.degrees(history.toes[frame, 2 * foot : 2 * foot + 2])) + 0.0
-            toes.set_title(f"{SIDES[foot][0]} toes {big:.0f}° and {lesser:.0f}°", fontsize=7.0)
+            own = history.toes[frame, 2 * foot : 2 * foot + 2]
+            toes.set_title(f"{SIDES[foot][0]} {_toes_in_words(own)}", fontsize=7.0)
         rows[0, 0].set_ylabel("height [mm]")
         rows[1, 0].set_ylabel("toes [mm]")
         rows[1, len(frames) // 2].set_xlabel("forward of the centre of mass [mm]")
@@ -231,6 +240,13 @@ def postures(history: History, pictures: Sequence[Picture], path: Path) -> None:
         handles, labels = rows[0, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=3)
         save_figure(figure, path)
+
+
+def _toes_in_words(angles: FloatArray) -> str:
+    """Return the angles of a foot's toes [rad], shape (2,), for a title; NaN is no toe."""
+    # Adding zero makes a plain one of minus zero.
+    told = [f"{round(float(np.degrees(one))) + 0:.0f}°" for one in angles if np.isfinite(one)]
+    return f"{'toes' if len(told) > 1 else 'toe'} {' and '.join(told)}" if told else "foot"
 
 
 def posture_frames(history: History) -> list[int]:
@@ -287,10 +303,12 @@ def torques(history: History, path: Path, limits: FloatArray) -> None:
         limits: Stall torques [N·m], shape (10,), ordered as gait.JOINTS.
     """
     pairs = len(JOINTS) // 2
+    known = [joint for joint in range(pairs) if _is_there(history, JOINTS[joint])]
     with style():
-        figure = new_figure(COLUMN, 5.6)
-        panels = figure.subplots(pairs, 1, sharex=True, sharey=True)
-        for joint, (axes, name) in enumerate(zip(panels, JOINTS[:pairs], strict=True)):
+        figure = new_figure(COLUMN, 0.6 + len(known))
+        panels = figure.subplots(len(known), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+        for axes, joint in zip(panels, known, strict=True):
+            name = JOINTS[joint]
             for foot, (_, colour) in enumerate(SIDES):
                 column = joint + foot * pairs
                 axes.plot(history.time, history.torques[:, column], color=colour, linewidth=0.9)

@@ -89,6 +89,8 @@ def plate_on_ground(
         plant.AddJoint(PrismaticJoint("free", slider.body_frame(), frame, ahead))
     plate = Plate(
         link="foot_l",
+        is_left=True,
+        is_toe=False,
         X_LP=RigidTransform(np.array([-about[0], -about[1], 0.0])),
         length=LENGTH,
         width=WIDTH,
@@ -290,6 +292,8 @@ def rocking(sole: Sole, part: float, step: float) -> Rocking:
     foot = plant.AddRigidBody("foot_l", inertia)
     plate = Plate(
         link="foot_l",
+        is_left=True,
+        is_toe=False,
         X_LP=RigidTransform(),
         length=LENGTH,
         width=WIDTH,
@@ -423,6 +427,8 @@ def test_an_edge_carries_a_load_beside_its_middle_and_none_beside_its_end(
     roll = plant.AddJoint(RevoluteJoint("roll", slider.body_frame(), frame, ahead))
     plate = Plate(
         link="foot_l",
+        is_left=True,
+        is_toe=False,
         X_LP=RigidTransform(np.array([-np.sign(pitch) * LENGTH / 2.0, 0.0, 0.0])),
         length=LENGTH,
         width=WIDTH,
@@ -661,6 +667,8 @@ def test_a_bent_toe_presses_the_ground_with_what_its_spring_gives(sole: Sole) ->
     plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
     plate = Plate(
         link="big_toe_l",
+        is_left=True,
+        is_toe=True,
         X_LP=RigidTransform(np.array([length / 2.0, 0.0, 0.0])),
         length=length,
         width=0.022,

@@ -439,6 +439,7 @@ def _standing(config: PlantConfig, step: float, hardness: Hardness | None = None
     check_toes(name)
     data = mujoco.MjData(found.model)
     data.qpos[found.positions] = plant.GetPositions(plant_context)
+    data.ctrl = found.robot.joints.standing
     _Servos(found)
     before = _posture(data)
     mujoco.mj_step(found.model, data, nstep=round(SETTLING_TIME / step))
