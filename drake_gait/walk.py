@@ -259,6 +259,17 @@ class Measures:
     """Largest angle of each toe [rad]: right big, right lesser, left big, left lesser."""
     torso_tilt: float
     """Largest lean of the torso from upright [rad]."""
+    # Walks of older studies lack these.
+    driving_torque: float = math.nan
+    """Largest torque of a servo that drives its joint [N·m]."""
+    braking_torque: float = math.nan
+    """Largest torque of a servo that its joint drives back [N·m]."""
+    driving_speed: float = math.nan
+    """Largest speed of a servo that drives its joint [rad/s]."""
+    braking_speed: float = math.nan
+    """Largest speed of a servo that its joint drives back [rad/s]."""
+    line_share: float = math.nan
+    """Largest torque / stall torque + speed / no-load speed of a motor that drives its joint."""
 
 
 _CAUSES = {

@@ -71,6 +71,7 @@ def measures_of(record: Record, *, forward: float) -> Measures:
     driving = np.maximum(power, 0.0).sum(axis=0)
     absolute = np.abs(power).sum(axis=0)
     positive = float(np.trapezoid(driving, time))
+    shares = np.abs(record.controllers) / record.stall[:, None]
     asked = np.abs(record.controllers) > _SATURATED * record.stall[:, None]
     spans = np.diff(time)
     right, left = (_sliding(record, foot) for foot in (0, 1))
@@ -82,12 +83,19 @@ def measures_of(record: Record, *, forward: float) -> Measures:
     weight = record.mass * record.gravity
     # By momentum: forces read from a state that ends a step are not those of the step.
     growth = float(np.diff(record.rising).max(initial=0.0)) / (record.gravity * FRAME_TIME)
+    torques, speeds, drives = np.abs(record.torques), np.abs(record.speeds), power >= 0.0
     return Measures(
         energy=float(np.trapezoid(absolute, time)),
         positive_energy=positive,
         cost_of_transport=positive / (weight * forward) if forward > 0 else np.inf,
-        peak_torque=float(np.abs(record.torques).max()),
-        peak_speed=float(np.abs(record.speeds).max()),
+        peak_torque=float(torques.max()),
+        peak_speed=float(speeds.max()),
+        driving_torque=_peak(torques, drives),
+        braking_torque=_peak(torques, ~drives),
+        driving_speed=_peak(speeds, drives),
+        braking_speed=_peak(speeds, ~drives),
+        # On the line, where the controller asks for the stall torque, it is 1.
+        line_share=_peak(shares, drives),
         saturated_fraction=float(asked.mean(axis=0)[1:] @ spans) / max(float(time[-1]), FRAME_TIME),
         slip=(float(np.trapezoid(right, time)), float(np.trapezoid(left, time))),
         clearance=(swing_clearance(record.sole_height[0]), swing_clearance(record.sole_height[1])),
@@ -96,6 +104,11 @@ def measures_of(record: Record, *, forward: float) -> Measures:
         toe_range=tuple(record.toes.max(axis=1).tolist()),
         torso_tilt=float(np.arccos(np.clip(record.upright.min(), -1.0, 1.0))),
     )
+
+
+def _peak(values: FloatArray, where: np.ndarray) -> float:
+    """Return the largest of some values; 0 of none."""
+    return float(values.max(initial=0.0, where=where))
 
 
 def _sliding(record: Record, foot: int) -> FloatArray:

@@ -94,6 +94,8 @@ class Observer:
         self._last: tuple[float, FloatArray, FloatArray] | None = None
         self._positive, self._absolute, self._saturated = 0.0, 0.0, 0.0
         self._peak_torque, self._peak_speed = 0.0, 0.0
+        # Of torques, speeds and shares of the line: while servos drive, and while they brake.
+        self._apart: FloatArray = np.zeros((2, 3))
         self._slip: FloatArray = np.zeros(2)
         self._rising: list[float] = []  # Vertical speed of the centre of mass at the frames [m/s].
 
@@ -114,6 +116,10 @@ class Observer:
         self._last = time, power, sliding
         self._peak_torque = max(self._peak_torque, float(np.abs(torques).max()))
         self._peak_speed = max(self._peak_speed, float(np.abs(speeds).max()))
+        sizes = np.abs([torques, speeds, controller / self._stall])
+        for place, which in enumerate((power >= 0.0, power < 0.0)):
+            peaks = sizes.max(axis=1, initial=0.0, where=which)
+            self._apart[place] = np.maximum(self._apart[place], peaks)
         return EventStatus.DidNothing()
 
     def record(self, context: Context) -> None:
@@ -170,6 +176,11 @@ class Observer:
             cost_of_transport=float(self._positive / (weight * forward)) if forward > 0 else np.inf,
             peak_torque=self._peak_torque,
             peak_speed=self._peak_speed,
+            driving_torque=float(self._apart[0, 0]),
+            braking_torque=float(self._apart[1, 0]),
+            driving_speed=float(self._apart[0, 1]),
+            braking_speed=float(self._apart[1, 1]),
+            line_share=float(self._apart[0, 2]),
             saturated_fraction=float(self._saturated / max(history.time[-1], FRAME_TIME)),
             slip=(float(self._slip[0]), float(self._slip[1])),
             clearance=(

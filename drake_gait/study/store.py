@@ -1,6 +1,6 @@
 """The study file: every walk ever simulated, in one SQLite database.
 
-Tables (schema 4; SI units, angles in radians, numbers as full doubles):
+Tables (schema 5; SI units, angles in radians, numbers as full doubles):
 
     study   key, value      schema, settings, model_sha256, versions and source (the file that
                             the settings were read from, and what was set beside it), each as JSON
@@ -44,9 +44,20 @@ from drake_gait.study.records import (
 )
 from drake_gait.study.settings import StudySettings, study_settings
 
-SCHEMA = 4
+SCHEMA = 5
 _OLDEST = 2
-_SINCE_OLDEST = frozenset({"peak_ground_reaction", "slip_ratio", "jump"})
+_SINCE_OLDEST = frozenset(
+    {
+        "peak_ground_reaction",
+        "slip_ratio",
+        "jump",
+        "driving_torque",
+        "braking_torque",
+        "driving_speed",
+        "braking_speed",
+        "line_share",
+    }
+)
 """Columns that a study of an older schema may lack."""
 _RENAMED = {"frames": "steps"}
 """Columns that had another name until schema 3, with that name."""

@@ -157,6 +157,11 @@ MEASURES = Measures(
     peak_ground_reaction=1.5,
     toe_range=(0.1, 0.4, 0.2, 0.3),
     torso_tilt=0.1,
+    driving_torque=0.9,
+    braking_torque=1.0,
+    driving_speed=4.0,
+    braking_speed=5.0,
+    line_share=0.8,
 )
 # A limit that MEASURES break, with the violation by hand: the worst of two feet counts.
 BROKEN = [
@@ -172,6 +177,11 @@ BROKEN = [
     ("peak_ground_reaction", 1.2, 0.25),
     ("toe_range", 0.2, 1.0),
     ("torso_tilt", 0.05, 1.0),
+    ("driving_torque", 0.6, 0.5),
+    ("braking_torque", 0.5, 1.0),
+    ("driving_speed", 3.2, 0.25),
+    ("braking_speed", 4.0, 0.25),
+    ("line_share", 0.4, 1.0),
     ("yaw_swing", 0.1, 1.0),
 ]
 
