@@ -181,8 +181,11 @@ def z50_of(settings: StudySettings, walks: Sequence[StudyWalk]) -> dict[str, Any
             walk = fresh(settings, one.candidate, number, settings.walk.fidelity)
             distance.append(1e3 * one.walk.forward)
             held.append(settings.assess(walk).feasible)
-    return {"z50_mm": half_hold(np.array(distance), np.array(held)), "held": int(np.sum(held)),
-            "walks": len(held)}  # fmt: skip
+    return {
+        "z50_mm": half_hold(np.array(distance), np.array(held)),
+        "held": int(np.sum(held)),
+        "walks": len(held),
+    }
 
 
 def half_hold(distance: np.ndarray, held: np.ndarray) -> float:
@@ -217,9 +220,19 @@ def table(found: dict[str, list[dict[str, float]]]) -> str:
         "walk_s",
         "own_s",
     )
-    head = ("arm", "seeds", "trusted [mm]", "trusted winners", "first recommended, trusted [mm]",
-            "the same at the search's step [mm]", "best single walk [mm]", "Z50 [mm]",
-            "walks, CPU [s]", "own, CPU [s]", "p against the first arm")  # fmt: skip
+    head = (
+        "arm",
+        "seeds",
+        "trusted [mm]",
+        "trusted winners",
+        "first recommended, trusted [mm]",
+        "the same at the search's step [mm]",
+        "best single walk [mm]",
+        "Z50 [mm]",
+        "walks, CPU [s]",
+        "own, CPU [s]",
+        "p against the first arm",
+    )
     lines = [f"| {' | '.join(head)} |", "|" + "---|" * len(head)]
     first = next(iter(found.values()))
     for arm, runs in found.items():
