@@ -45,7 +45,7 @@ from drake_gait.search.recommendation import recommended
 from drake_gait.search.seeding import Purpose, generator
 from drake_gait.simulation.simulate import walk_trial
 from drake_gait.study.finalists import winner
-from drake_gait.study.ranking import Sample, best_walk, nominal_walks, sample
+from drake_gait.study.ranking import Sample, best_walk, nominal_walks, sample, search_walks
 from drake_gait.study.reading import default_study, read_override, read_study
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.search_settings import Mode
@@ -161,16 +161,15 @@ def fresh(settings: StudySettings, candidate: Candidate, number: int, fidelity: 
 
 def samples_of(settings: StudySettings, walks: Sequence[StudyWalk]) -> list[Sample]:
     """Samples of a study's search, each of the walks of one candidate."""
-    searched = [walk for walk in walks if walk.is_search_walk]
     own: dict[int, list[StudyWalk]] = {}
-    for walk in searched:
+    for walk in search_walks(walks):
         own.setdefault(walk.id if walk.nominal is None else walk.nominal, []).append(walk)
     return [sample(number, group, settings) for number, group in enumerate(own.values())]
 
 
 def z50_of(settings: StudySettings, walks: Sequence[StudyWalk]) -> dict[str, Any]:
     """The distance at which half of the feasible candidates hold with noise, on both grounds."""
-    searched = nominal_walks([walk for walk in walks if walk.is_search_walk])
+    searched = nominal_walks(walks)
     feasible = [walk for walk in searched if settings.assess(walk.walk).feasible]
     feasible.sort(key=lambda walk: walk.walk.forward)
     places = np.unique(np.linspace(0, len(feasible) - 1, STRATA).astype(int)) if feasible else []
@@ -256,7 +255,7 @@ def figures(settings: StudySettings, folder: Path) -> dict[str, float]:
     with Study.open(folder) as study:
         walks, known = study.walks(), study.description()
     told = json.loads((folder / "trusted.json").read_text())
-    searched = nominal_walks([walk for walk in walks if walk.is_search_walk])
+    searched = nominal_walks(walks)
     single = [1e3 * one.walk.forward for one in searched if settings.assess(one.walk).feasible]
     found = {
         "winner": told["winner"]["converged"]["trusted_mm"],
@@ -274,7 +273,7 @@ def figures(settings: StudySettings, folder: Path) -> dict[str, float]:
 def best_after(folder: Path, settings: StudySettings) -> np.ndarray:
     """Best feasible distance [mm] after 1, 2, ... walks; 0 for none yet."""
     with Study.open(folder) as study:
-        walks = [walk for walk in study.walks() if walk.is_search_walk]
+        walks = search_walks(study.walks())
     found = [
         1e3 * walk.walk.forward if settings.assess(walk.walk).feasible else 0.0 for walk in walks
     ]
