@@ -420,7 +420,9 @@ def test_no_walks_switch_the_confirmation_off(raced, path):
     assert track.asked == []
 
 
-@pytest.mark.parametrize("walks", [0, 1, 6, 21, 40, 50, 55])
+@pytest.mark.parametrize(
+    "walks", [0, 6, 40, *(pytest.param(one, marks=pytest.mark.slow) for one in (1, 21, 50, 55))]
+)
 def test_a_confirmation_that_was_interrupted_ends_with_the_same_walks(raced, whole, path, walks):
     asked, expected = whole[0].asked, whole[1]
     assert walks < len(asked)
@@ -514,7 +516,7 @@ class Biased(Grounds):
 
 
 @pytest.mark.parametrize("mode", [Mode.CMAES, Mode.ISADE])
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_winner_that_holds_is_found_where_the_luckiest_walk_fails(study, tmp_path, mode, seed):
     plan = SearchSettings(samples=40, simulations=160, batch=10, mode=mode)
     settings = dataclasses.replace(
