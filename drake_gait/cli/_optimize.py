@@ -10,6 +10,7 @@ from drake_gait.report.build import check_outputs, write_outputs
 from drake_gait.report.result import baselines_line, manner_in_words, r_squared_line
 from drake_gait.report.tables import beside_the_paper, tiers
 from drake_gait.search.loop import useful_workers
+from drake_gait.study.ranking import search_walks
 from drake_gait.study.robot import with_robot
 from drake_gait.study.settings import StudySettings
 from drake_gait.study.store import Study
@@ -29,7 +30,7 @@ def work(settings: StudySettings, folder: Path, workers: int | None, dask: str |
                 "starts another study"
             )
         else:
-            walks = sum(walk.is_search_walk for walk in study.walks())
+            walks = len(search_walks(study.walks()))
             with (
                 display(settings, walks) as show,
                 workers_of(settings, study, workers, dask=dask) as executor,
@@ -42,7 +43,7 @@ def _write_results(settings: StudySettings, study: Study, folder: Path) -> None:
     """Write what the study's folder is to hold, and print the table."""
     walks, wall_s = study.walks(), study.description().get("wall_s", 0.0)
     written = write_outputs(with_robot(settings, study), walks, folder, wall_s=wall_s)
-    searched = sum(walk.is_search_walk for walk in walks)
+    searched = len(search_walks(walks))
     if written.network is not None:
         part = "all" if written.network.walks == searched else "the latest"
         told = f"network of {part} {written.network.walks} walks"

@@ -148,8 +148,9 @@ def _claim(
 ) -> None:
     """Write into an Optuna study whose it is; refuse it if it is another's."""
     # The number of walks may grow, and the walks there are stay the same.
-    made_with = {key: value for key, value in description["settings"].items()
-                 if key != "search.simulations"}  # fmt: skip
+    made_with = {
+        key: value for key, value in description["settings"].items() if key != "search.simulations"
+    }
     ours = {_MADE_WITH: made_with, _MODEL: description["model_sha256"]}
     known = {key: goal.user_attrs[key] for key in ours.keys() & goal.user_attrs.keys()}
     if known == ours:

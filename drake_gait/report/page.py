@@ -67,7 +67,8 @@ def write_study_page(run: Run, path: Path) -> None:
     """
     result, limits = run.result, run.settings.constraints
     told = {one.quantity.name: report_tables.limit_in_words(one) for one in limits.given}
-    page = _environment().get_template("report.html").render(
+    template = _environment().get_template("report.html")
+    page = template.render(
         run=run,
         result=result,
         settings=run.settings,
@@ -107,7 +108,7 @@ def write_study_page(run: Run, path: Path) -> None:
         of_the_walk=_figures(run, _OF_THE_WALK),
         of_the_search=_figures(run, _OF_THE_SEARCH),
         command=command(run),
-    )  # fmt: skip
+    )
     _write(page, path)
 
 
@@ -125,10 +126,12 @@ def write_comparison_page(runs: Sequence[Run], path: Path) -> None:
         }
         for figure in ("postures", "paths", "convergence", "sensitivity", "waveforms")
     ]
-    page = _environment().get_template("comparison.html").render(
+    template = _environment().get_template("comparison.html")
+    page = template.render(
         runs=runs,
         numbers=report_tables.side_by_side(
-            names, [run.result for run in runs],
+            names,
+            [run.result for run in runs],
             tuple({one.name: one for run in runs for one in run.settings.quantities}.values()),
         ),
         differences=report_tables.differences(names, [run.settings.description() for run in runs]),
@@ -136,7 +139,7 @@ def write_comparison_page(runs: Sequence[Run], path: Path) -> None:
         versions=[report_tables.versions(run.result["versions"]) for run in runs],
         commands=[(run.name, command(run)) for run in runs],
         furthest=max(runs, key=_place),
-    )  # fmt: skip
+    )
     _write(page, path)
 
 

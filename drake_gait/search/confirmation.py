@@ -222,7 +222,7 @@ def _simulated_as(settings: StudySettings, walk: StudyWalk, candidate: Candidate
         candidate: Its candidate, before changes of a user's own.
     """
     how = on_ground(settings.walk, settings, end_of(settings, walk))
-    if walk.is_search_walk or walk.nominal is None:
+    if walk.confirms is None:
         return Trial(candidate=candidate, settings=how)
     plan = settings.confirmation
     tier = tier_of(plan, walk.variation)
@@ -233,11 +233,11 @@ def _simulated_as(settings: StudySettings, walk: StudyWalk, candidate: Candidate
     if walk.variation == OTHER_ENGINE:
         how = replace(how, engine=_OTHER_ENGINES[how.engine])
     trial = Trial(
-        candidate=candidate, settings=other_servo(settings, how, walk.nominal, walk.variation)
+        candidate=candidate, settings=other_servo(settings, how, walk.confirms, walk.variation)
     )
     for place, change in enumerate(plan.own):
         if change in plan.own_changes(tier):
-            address = (walk.nominal, walk.variation, place)
+            address = (walk.confirms, walk.variation, place)
             trial = change(trial, generator(settings.seed, Purpose.OWN_CHANGE, *address))
     return trial
 

@@ -136,13 +136,19 @@ def _about_the_foot(
     """Return what a person should know of the foot, in at most one sentence."""
     if foot is None:
         return [f"{path} tells of no foot; the study has that of its own file"]
-    standard = foot_in_file({
-        **{field: getattr(FootDesign(), field) for field in _FIELDS}, "rigid_toes": False
-    })  # fmt: skip
-    along = [f"{key} = {_text(value)}" for key, value in taken.items()
-             if value != standard[key] and key not in opened]  # fmt: skip
-    lost = [f"{key} = {_text(value)}, not {_text(given[key])}" for key, value in foot.items()
-            if key in given and given[key] != value]  # fmt: skip
+    standard = foot_in_file(
+        {**{field: getattr(FootDesign(), field) for field in _FIELDS}, "rigid_toes": False}
+    )
+    along = [
+        f"{key} = {_text(value)}"
+        for key, value in taken.items()
+        if value != standard[key] and key not in opened
+    ]
+    lost = [
+        f"{key} = {_text(value)}, not {_text(given[key])}"
+        for key, value in foot.items()
+        if key in given and given[key] != value
+    ]
     told = []
     if along:
         told.append(f"the foot of {path} comes along: {', '.join(along)}")

@@ -168,7 +168,7 @@ def best_unslipping(settings: "StudySettings", walks: Sequence[StudyWalk]) -> St
     known = measured(walks)
     found = []
     for one in walks:
-        if one.nominal is not None or one.id not in known:
+        if not (one.is_nominal or one.is_mean) or one.id not in known:
             continue
         assessment = settings.assess(one.walk)
         if assessment.feasible and not shuffles(known[one.id].slip, one.walk.forward):
@@ -185,9 +185,8 @@ def measured(walks: Sequence[StudyWalk]) -> dict[int, Measures]:
     """Measures by a walk's id: its own, or in older studies those of the same walk again."""
     found = {}
     for walk in walks:
-        again = walk.nominal is not None and walk.variation == 0
-        same = walk.nominal if again else walk.id
-        if walk.walk.measures is not None and same is not None:
+        same = walk.confirms if walk.variation == 0 and walk.confirms is not None else walk.id
+        if walk.walk.measures is not None:
             found[same] = walk.walk.measures
     return found
 
@@ -200,8 +199,8 @@ def _looked_at(settings: "StudySettings", walks: Sequence[StudyWalk]) -> list[Fi
     by_id = {walk.id: walk for walk in walks}
     own: dict[int, dict[int, StudyWalk]] = {}
     for walk in walks:
-        if not walk.is_search_walk and walk.nominal is not None:
-            own.setdefault(walk.nominal, {})[walk.variation] = walk
+        if walk.confirms is not None:
+            own.setdefault(walk.confirms, {})[walk.variation] = walk
     # The walks of a mean may be known before its own: they are under way together.
     return [
         _finalist(settings, by_id[number], found)

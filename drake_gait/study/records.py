@@ -90,6 +90,11 @@ class StudyWalk:
         return self.nominal is None and self.is_search_walk
 
     @property
+    def confirms(self) -> int | None:
+        """Return the id of the walk that it confirms; None of one that stands for itself."""
+        return None if self.is_search_walk else self.nominal
+
+    @property
     def is_mean(self) -> bool:
         """Return whether its candidate is a mean of neighbours, first walked to confirm."""
         return self.nominal is None and not self.is_search_walk

@@ -194,8 +194,17 @@ def test_a_search_walk_is_what_the_search_asked_for(study, entries):
     walks = entries([WALKED, FELL])
     replica = dataclasses.replace(walks[1], nominal=0, variation=1)
     again = dataclasses.replace(replica, stage=CONFIRMATION, id=CONFIRMATIONS)
-    kinds = [(one.is_search_walk, one.is_nominal) for one in (walks[0], replica, again)]
-    assert kinds == [(True, True), (True, False), (False, False)]
+    mean = dataclasses.replace(again, nominal=None, variation=0)
+    kinds = [
+        (one.is_search_walk, one.is_nominal, one.is_mean, one.confirms)
+        for one in (walks[0], replica, again, mean)
+    ]
+    assert kinds == [
+        (True, True, False, None),
+        (True, False, False, None),
+        (False, False, False, 0),
+        (False, False, True, None),
+    ]
     said = verdict(study, [walks[0], again])
     assert said.startswith("No gait is known to hold")
     assert "The best of 1 walk, walked once, is walk 0" in said

@@ -42,9 +42,17 @@ CANDIDATES = 20
 FORWARD = [0.20 - 0.005 * number for number in range(CANDIDATES)]
 """Distance of each candidate's own walk: the first is the best."""
 FRAGILE = {
-    0: {1, 2}, 1: {2, 8}, 2: {10, 11}, 3: set(range(1, 17)), 4: {7}, 5: {9}, 6: {3, 12, 16},
-    7: {4, 13}, 9: {1, 3}, 10: {8, 9, 16},
-}  # fmt: skip
+    0: {1, 2},
+    1: {2, 8},
+    2: {10, 11},
+    3: set(range(1, 17)),
+    4: {7},
+    5: {9},
+    6: {3, 12, 16},
+    7: {4, 13},
+    9: {1, 3},
+    10: {8, 9, 16},
+}
 """Variations of a candidate that fall: to 8 those of T1, to 16 those of T2."""
 MEDIANS = {4: 0.15, 5: 0.17, 7: 0.16}
 """What candidates walk when perturbed, where that is not what they walk alone."""
@@ -412,7 +420,9 @@ def test_no_walks_switch_the_confirmation_off(raced, path):
     assert track.asked == []
 
 
-@pytest.mark.parametrize("walks", [0, 1, 6, 21, 40, 50, 55])
+@pytest.mark.parametrize(
+    "walks", [0, 6, 40, *(pytest.param(one, marks=pytest.mark.slow) for one in (1, 21, 50, 55))]
+)
 def test_a_confirmation_that_was_interrupted_ends_with_the_same_walks(raced, whole, path, walks):
     asked, expected = whole[0].asked, whole[1]
     assert walks < len(asked)
@@ -506,7 +516,7 @@ class Biased(Grounds):
 
 
 @pytest.mark.parametrize("mode", [Mode.CMAES, Mode.ISADE])
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_winner_that_holds_is_found_where_the_luckiest_walk_fails(study, tmp_path, mode, seed):
     plan = SearchSettings(samples=40, simulations=160, batch=10, mode=mode)
     settings = dataclasses.replace(

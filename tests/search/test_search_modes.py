@@ -170,8 +170,16 @@ HANDED = {
 }
 
 
+@pytest.fixture(scope="module")
+def usual(study, tmp_path_factory):
+    """Candidates of the default proposer."""
+    settings = planned(study, samples=20, simulations=38, batch=5)
+    walks = run(settings, tmp_path_factory.mktemp("usual") / "study.db")
+    return {walk.candidate for walk in walks}
+
+
 @pytest.mark.parametrize("name", HANDED)
-def test_a_search_with_another_proposer_is_as_exact_as_any(study, tmp_path, name):
+def test_a_search_with_another_proposer_is_as_exact_as_any(study, usual, tmp_path, name):
     settings = planned(study, samples=20, simulations=38, batch=5)
     proposer = HANDED[name]
 
@@ -187,5 +195,4 @@ def test_a_search_with_another_proposer_is_as_exact_as_any(study, tmp_path, name
         searched(tmp_path / "parted.db", Ground(settings.space, shuffle=2, stop_after=32))
     parted = searched(tmp_path / "parted.db", Ground(settings.space))
     assert numbers(parted) == numbers(whole)
-    usual = run(settings, tmp_path / "usual.db")
-    assert not {walk.candidate for walk in whole[30:]} & {walk.candidate for walk in usual}
+    assert not {walk.candidate for walk in whole[30:]} & usual

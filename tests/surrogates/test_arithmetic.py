@@ -179,6 +179,7 @@ def test_the_global_random_numbers_are_left_alone():
     assert plain == random.getstate()
 
 
+@pytest.mark.slow
 def test_fits_in_threads_give_what_they_give_one_after_the_other():
     alone = [everything(seed=seed, baselines=True) for seed in range(2)]
     with ThreadPoolExecutor(2) as pool:
