@@ -27,7 +27,7 @@ from drake_gait.study.settings import study_settings
 from drake_gait.study.store import Study
 from drake_gait.surrogates import ensemble as surrogate
 from drake_gait.surrogates.baselines import area_under_curve, kriging
-from drake_gait.surrogates.ensemble import Prediction
+from drake_gait.surrogates.prediction import Prediction
 from drake_gait.surrogates.residual_gp import KrigedNetwork
 
 FIRST, EVERY, FEWEST = 300, 3, 5

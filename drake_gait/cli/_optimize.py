@@ -14,7 +14,7 @@ from drake_gait.study.ranking import search_walks
 from drake_gait.study.robot import with_robot
 from drake_gait.study.settings import StudySettings
 from drake_gait.study.store import Study
-from drake_gait.surrogates.ensemble import FEWEST_SURVIVORS
+from drake_gait.surrogates.prediction import FEWEST_SURVIVORS
 
 
 def work(settings: StudySettings, folder: Path, workers: int | None, dask: str | None) -> None:

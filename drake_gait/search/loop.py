@@ -24,7 +24,8 @@ from drake_gait.study.ranking import Sample, sample
 from drake_gait.study.settings import StudySettings
 from drake_gait.study.store import Study
 from drake_gait.surrogates.arithmetic import single_thread
-from drake_gait.surrogates.ensemble import Network, Prediction, Surrogate
+from drake_gait.surrogates.ensemble import Surrogate
+from drake_gait.surrogates.prediction import Network, Prediction
 
 _ROUNDING = 1e-6
 """A design vector beyond a limit by no more than this is at it, in units of the box."""

@@ -20,30 +20,12 @@ from drake_gait.surrogates.prediction import (
     FEWEST_SURVIVORS,
     BoolArray,
     IntArray,
-    Network,
     Prediction,
     learnable,
 )
 from drake_gait.surrogates.settings import PAPER_NETWORK, NetworkSettings
 
 _MEMBERS = FEWEST_SURVIVORS // 2
-
-
-__all__ = [
-    "FEWEST_SURVIVORS",
-    "BoolArray",
-    "IntArray",
-    "Network",
-    "Prediction",
-    "SingleNetwork",
-    "Surrogate",
-    "checked_walks",
-    "fit",
-    "fit_single",
-    "folds_of",
-    "learnable",
-    "r_squared",
-]
 
 
 class _Ensemble:

@@ -23,7 +23,7 @@ from drake_gait.search.recommendation import recommended
 from drake_gait.search.trust_region import IN_REGION
 from drake_gait.study.ranking import best_walk, sample
 from drake_gait.study.search_settings import ConfirmationSettings, Mode, SearchSettings
-from drake_gait.surrogates.ensemble import Prediction
+from drake_gait.surrogates.prediction import Prediction
 from drake_gait.surrogates.settings import NetworkSettings
 
 SEARCHED = [Mode.DEFAULT, Mode.ISADE_NETWORK, Mode.CMAES, Mode.ISADE]

@@ -15,7 +15,8 @@ from threadpoolctl import ThreadpoolController
 from drake_gait.errors import SettingsError
 from drake_gait.surrogates.arithmetic import learning, single_thread
 from drake_gait.surrogates.baselines import compare
-from drake_gait.surrogates.ensemble import FEWEST_SURVIVORS, fit, fit_single
+from drake_gait.surrogates.ensemble import fit, fit_single
+from drake_gait.surrogates.prediction import FEWEST_SURVIVORS
 from drake_gait.surrogates.residual_gp import KrigedNetwork
 
 X = np.random.default_rng(0).uniform(-1.0, 1.0, (60, 5)).round(3)
