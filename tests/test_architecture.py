@@ -46,7 +46,7 @@ WALLS = {
     "distributed": {"execution"},
     "matplotlib": {"visualization"},
     "cmaes": {"search"},
-    "cloudpickle": {"problem"},
+    "cloudpickle": {"gait", "problem"},
     "rich": {"cli"},
     "mujoco": {"simulation"},
     "rcb4": {"hardware"},

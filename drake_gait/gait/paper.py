@@ -1,47 +1,23 @@
-"""The gait function: sixteen coefficients to joint angle commands over 4.8 s (paper, III.B)."""
+"""The paper's family: sixteen coefficients of Eq. 1, and its schedule (paper, III.B)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from drake_gait.arrays import numbers
 from drake_gait.errors import SettingsError
-from drake_gait.servo import TRAVEL
+from drake_gait.gait.family import AnyGait, GaitFamily, Schedule, Variable, frames_of
+from drake_gait.gait.joints import ANGLE_LIMITS, FRAME_TIME, WAVEFORMS, FloatArray, joint_rows
 
-# With any shape: the shapes in Drake's stubs are not tuples.
-FloatArray = np.ndarray[Any, np.dtype[np.float64]]
-
-FRAME_TIME = 0.02
-"""Time between two commands to the servos [s]."""
-FRAMES = 240
-"""Control frames in one walk: 4.8 s."""
-CYCLE_TIME = 1.2
-"""Duration of one gait cycle, two steps [s]."""
-ANGULAR_VELOCITY = 2.0 * np.pi / CYCLE_TIME  # Eq. 2
-"""Angular velocity of the gait function [rad/s]."""
-
-WAVEFORMS = ("roll", "hip", "knee", "ankle")
-"""Rows of the coefficients: phi_1 (hip and ankle roll), phi_2, phi_3, phi_4 (pitch)."""
 TERMS = ("a", "b", "c", "d")
 """Columns of the coefficients."""
+COEFFICIENTS = tuple(f"{waveform}_{term}" for waveform in WAVEFORMS for term in TERMS)
+"""Names of the sixteen coefficients, in the order of every design vector."""
 
-ANGLE_LIMITS: FloatArray = np.radians([(-15.0, 15.0), (-50.0, 50.0), (0.0, 60.0), (-50.0, 50.0)])
-"""Ranges of the waveforms [rad], shape (4, 2), rows as WAVEFORMS: the paper's Table I."""
-
-_LEG_JOINTS = ("hip_roll", "hip_pitch", "knee", "ankle_pitch", "ankle_roll")
-JOINTS = tuple(f"{joint}_{side}" for side in ("r", "l") for joint in _LEG_JOINTS)
-"""The ten actuated joints, in the order of every array of joint values."""
-
-WALKING = (15, 165)
-"""Frames in which walking starts and ends: 0.3 and 3.3 s (Eqs. 3-9)."""
-_START, _END = WALKING
-_STAND = 180  # Frame in which standing begins.
-_LEG_PHASE = CYCLE_TIME / 2.0
 _NODE_ROLL = np.radians(1.5)
 _NODE_PITCH: FloatArray = np.radians([15.0, 30.0, 15.0])  # hip, knee, ankle in mid-swing
 
@@ -57,21 +33,76 @@ class Start(StrEnum):
     """The left leg swings to its node in mid-swing until 0.3 s; then the gait function is whole."""
 
 
-_GROWTH = {Start.SHIFT: (15, 37.5), Start.RAMP: (45, 45)}
-"""Frames in which the gait function grows from nothing: those of the roll, those of the legs."""
+_GROWTH = {Start.SHIFT: (0.25, 0.625), Start.RAMP: (0.75, 0.75)}
+"""Parts of a cycle in which the gait function grows from nothing: of the roll, of the legs."""
 
 
-def _joint_rows(roll: FloatArray, right: FloatArray, left: FloatArray) -> FloatArray:
-    """Order one roll (n,) and two legs' pitch angles (n, 3) as JOINTS, shape (n, 10)."""
-    return np.column_stack([roll, right, roll, roll, left, roll])
+def coefficient_limits() -> FloatArray:
+    """Smallest and largest coefficients [rad], shape (4, 4, 2), that Table I leaves room for.
+
+    The mean a may be any angle of the joint's range, an amplitude at most half of the range.
+    """
+    lower, upper = ANGLE_LIMITS[:, 0], ANGLE_LIMITS[:, 1]
+    amplitude = np.tile(((upper - lower) / 2.0)[:, None], (1, 3))
+    return np.stack(
+        [np.column_stack([lower, -amplitude]), np.column_stack([upper, amplitude])], axis=-1
+    )
+
+
+_VARIABLES = tuple(
+    Variable(name, lower=low, upper=high)
+    for name, (low, high) in zip(
+        COEFFICIENTS, coefficient_limits().reshape(-1, 2).tolist(), strict=True
+    )
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PaperFamily(GaitFamily):
+    """The paper's family: Eq. 1 for every waveform, between the nodes of Eqs. 3-9."""
+
+    name: ClassVar[str] = "paper"
+
+    @property
+    def variables(self) -> Sequence[Variable]:
+        """The sixteen coefficients."""
+        return _VARIABLES
+
+    def schedule(self, x: FloatArray) -> Schedule:
+        """Return the frames of Eqs. 3-9, whatever the coefficients.
+
+        Walking begins at a node after a quarter of a cycle, and ends at one a quarter of a cycle
+        before the last cycle does.
+        """
+        last = frames_of(self.cycles * self.period)
+        return Schedule(
+            period=self.period,
+            begin=frames_of(self.period / 4.0),
+            end=frames_of((self.cycles - 0.25) * self.period),
+            frames=last + frames_of(self.standing),
+        )
+
+    def gait(self, x: ArrayLike) -> "Gait":
+        """Return the gait of sixteen coefficients [rad], shape (16,)."""
+        return Gait(coefficients=np.reshape(np.asarray(x, dtype=float), (4, 4)), family=self)
+
+    def commands(self, x: FloatArray) -> FloatArray:
+        """Return the commands by the paper's schedule, see `Gait.commands`."""
+        return self.gait(x).commands
+
+
+PAPER = PaperFamily()
+"""The paper's family with its own period, cycles and standing."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Gait:
+class Gait(AnyGait):
     """Sixteen coefficients of the gait function, Eq. 1."""
 
     coefficients: FloatArray
     """Coefficients [rad], shape (4, 4), rows as WAVEFORMS, columns as TERMS."""
+    family: PaperFamily = field(default=PAPER)
+    """The paper's, with its settings."""
 
     def __post_init__(self) -> None:
         try:
@@ -111,13 +142,14 @@ class Gait:
                 f"gait coefficients must be numbers, shape (4, 4): {error}"
             ) from None
 
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Gait):
-            return NotImplemented
-        return bool(np.array_equal(self.coefficients, other.coefficients))
+    @property
+    def variables(self) -> FloatArray:
+        """The coefficients [rad], shape (16,), ordered as COEFFICIENTS."""
+        return self.coefficients.ravel()
 
-    def __hash__(self) -> int:
-        return hash(self.coefficients.tobytes())
+    def moved(self, by: FloatArray) -> "Gait":
+        """Return a gait whose coefficients differ by so much [rad], shape (16,)."""
+        return Gait(coefficients=self.coefficients + np.reshape(by, (4, 4)), family=self.family)
 
     @property
     def degrees(self) -> FloatArray:
@@ -129,7 +161,8 @@ class Gait:
 
         Held inside ANGLE_LIMITS, as a servo's stops do.
         """
-        angle = ANGULAR_VELOCITY * np.atleast_1d(np.asarray(time, dtype=float))
+        angular_velocity = 2.0 * np.pi / self.family.period  # Eq. 2
+        angle = angular_velocity * np.atleast_1d(np.asarray(time, dtype=float))
         basis = np.stack(
             [np.ones_like(angle), np.cos(angle), np.sin(angle), np.cos(2.0 * angle)], axis=1
         )
@@ -142,40 +175,45 @@ class Gait:
 
     @cached_property
     def _grown_commands(self) -> dict[Start, FloatArray]:
-        frame = np.arange(FRAMES + 1)
+        frame, end = np.arange(self.frames + 1), self.schedule.end
+        cycle = round(self.family.period / FRAME_TIME, 6)  # frames
         smooth = self._smooth(frame * FRAME_TIME)
         grown = {}
-        for start, (of_roll, of_legs) in _GROWTH.items():
+        for start, parts in _GROWTH.items():
             roll, legs = (
-                0.5 - 0.5 * np.cos(np.pi * np.minimum(frame / whole, 1.0))
-                for whole in (of_roll, of_legs)
+                0.5 - 0.5 * np.cos(np.pi * np.minimum(frame / (part * cycle), 1.0))
+                for part in parts
             )
             pitch = np.repeat(legs[:, None], 3, axis=1)
             commands = np.array(self.commands)
-            commands[:_END] = (_joint_rows(roll, pitch, pitch) * smooth)[:_END]
+            commands[:end] = (joint_rows(roll, pitch, pitch) * smooth)[:end]
             commands.setflags(write=False)
             grown[start] = commands
         return grown
 
     def _smooth(self, time: ArrayLike) -> FloatArray:
         """The gait function on all joints [rad], shape (n, 10), without a schedule."""
-        left, right = self.waveforms(time), self.waveforms(np.add(time, _LEG_PHASE))
-        return _joint_rows(left[:, 0], right[:, 1:], left[:, 1:])
+        left = self.waveforms(time)
+        right = self.waveforms(np.add(time, self.family.period / 2.0))
+        return joint_rows(left[:, 0], right[:, 1:], left[:, 1:])
 
     @cached_property
     def commands(self) -> FloatArray:
-        """Return the commands to the servos by the paper's schedule, frames 0 to 240 (Eqs. 3-9).
+        """Return the commands to the servos by the paper's schedule (Eqs. 3-9).
 
-        Joint angles [rad], shape (241, 10), columns as JOINTS; frame k is sent at k * FRAME_TIME.
+        Joint angles [rad], shape (241, 10) at the paper's period, columns as JOINTS; frame k is
+        sent at k * FRAME_TIME.
         """
-        frame = np.arange(FRAMES + 1)
+        begin, end = self.walking
+        stand = frames_of(self.family.cycles * self.family.period)
+        frame = np.arange(self.frames + 1)
         time = frame * FRAME_TIME
-        walking = (frame > _START) & (frame < _END)
+        walking = (frame > begin) & (frame < end)
 
         left_phase = self.waveforms(time)
-        right_phase = self.waveforms(time + _LEG_PHASE)
-        swing_at_start = np.interp(frame, [0, _START, _START + 1], [0.0, 1.0, 0.0])
-        swing_at_end = np.interp(frame, [_END - 1, _END, _STAND], [0.0, 1.0, 0.0])
+        right_phase = self.waveforms(time + self.family.period / 2.0)
+        swing_at_start = np.interp(frame, [0, begin, begin + 1], [0.0, 1.0, 0.0])
+        swing_at_end = np.interp(frame, [end - 1, end, stand], [0.0, 1.0, 0.0])
 
         # Eq. 3: over the right leg at first, over the left leg at last.
         roll = np.where(walking, left_phase[:, 0], _NODE_ROLL * (swing_at_start - swing_at_end))
@@ -183,54 +221,45 @@ class Gait:
         right = np.where(walking[:, None], right_phase[:, 1:], swing_at_end[:, None] * _NODE_PITCH)
         # Eqs. 7-9: the left leg takes the first step.
         left = np.where(walking[:, None], left_phase[:, 1:], swing_at_start[:, None] * _NODE_PITCH)
-        commands = _joint_rows(roll, right, left)
+        commands = joint_rows(roll, right, left)
         commands.setflags(write=False)  # They are kept.
         return commands
 
     def jumps_from(self, start: Start) -> FloatArray:
-        """`jumps` of what is sent after a start, shape (2, 10): only the paper's jumps at 0.3 s."""
+        """`jumps` of what is sent after a start, shape (2, 10): only the paper's at the first."""
         sent = [1.0 if start is Start.PAPER else 0.0, 1.0]
         return np.array(sent)[:, None] * self.jumps
 
     @property
     def jumps(self) -> FloatArray:
-        """Return how far the gait function misses the schedule's nodes at 0.3 s and 3.3 s.
+        """Return how far the gait function misses the schedule's nodes, at 0.3 s and 3.3 s.
 
         Angles [rad], shape (2, 10), columns as JOINTS. The command covers each in one frame.
         """
-        smooth = self._smooth(np.array([_START, _END]) * FRAME_TIME)
-        jumps: FloatArray = smooth - self.commands[[_START, _END]]
+        nodes = list(self.walking)
+        smooth = self._smooth(np.array(nodes) * FRAME_TIME)
+        jumps: FloatArray = smooth - self.commands[nodes]
         return jumps
 
 
 STANDING = Gait(coefficients=np.zeros((4, 4)))
 """All coefficients zero. Its command still makes the schedule's first and last half step."""
 
+CYCLE_TIME = PAPER.period
+"""Duration of the paper's gait cycle, two steps [s]."""
+ANGULAR_VELOCITY = 2.0 * np.pi / CYCLE_TIME  # Eq. 2
+"""Angular velocity of the paper's gait function [rad/s]."""
+FRAMES = STANDING.frames
+"""Control frames in the paper's walk: 4.8 s."""
+WALKING = STANDING.walking
+"""Frames in which the paper's walking starts and ends: 0.3 and 3.3 s (Eqs. 3-9)."""
 
-def joint_commands(commands: ArrayLike) -> FloatArray:
-    """Check commands that servos are to follow; returns them as an array.
 
-    Args:
-        commands: Joint angles [rad], shape (241, 10), columns as JOINTS, one row a frame.
+def schedule_of(frames: int) -> Schedule:
+    """Return the schedule of commands of which only the number of frames is known.
 
-    Raises:
-        SettingsError: the shape is another, or an angle is not finite or beyond a servo's travel;
-            the text names it, with its frame and joint.
+    As many as the paper's have its schedule; others are walked from end to end.
     """
-    found = numbers("commands", commands)
-    shape = (FRAMES + 1, len(JOINTS))
-    if found.shape != shape:
-        cure = "; transpose them" if found.shape == shape[::-1] else ""
-        raise SettingsError(
-            f"commands must be {shape} in shape, one row a frame from 0 to {FRAMES} and one column "
-            f"a joint as gait.JOINTS, got {found.shape}{cure}"
-        )
-    wrong = ~(np.abs(found) <= TRAVEL)  # What is no number too.
-    if wrong.any():
-        frame, joint = np.argwhere(wrong)[0].tolist()
-        raise SettingsError(
-            f"commands[{frame}, {joint}], of {JOINTS[joint]} in frame {frame}, is "
-            f"{found[frame, joint]:g} rad; a servo turns {TRAVEL:.3f} rad to either side "
-            f"({np.degrees(TRAVEL):g} degrees): give finite radians, as numpy.radians(degrees)"
-        )
-    return found
+    if frames == FRAMES:
+        return STANDING.schedule
+    return Schedule(period=PAPER.period, begin=0, end=frames, frames=frames)

@@ -9,7 +9,7 @@ import numpy as np
 
 from drake_gait.files.destination import check, make_folder, write
 from drake_gait.files.strict_json import plain, to_json
-from drake_gait.gait import FloatArray, Start
+from drake_gait.gait import FRAME_TIME, FloatArray, Start
 from drake_gait.problem import Trial, evaluated
 from drake_gait.report.page import FIGURES, PORTRAIT, Run, write_study_page
 from drake_gait.report.result import in_words, summary
@@ -154,8 +154,10 @@ def _quantities(
 
 
 def _jumps(best: StudyWalk, start: Start) -> dict[str, float]:
-    jumps = np.degrees(np.abs(best.candidate.gait.jumps_from(start))).max(axis=1)
-    return {"0.3 s": float(jumps[0]), "3.3 s": float(jumps[1])}
+    gait = best.candidate.gait
+    jumps = np.degrees(np.abs(gait.jumps_from(start))).max(axis=1).tolist()
+    times = (f"{frame * FRAME_TIME:.1f} s" for frame in gait.walking)
+    return dict(zip(times, jumps, strict=True))
 
 
 def _forget_unmade(
@@ -265,7 +267,7 @@ def _draw_search(
 
 
 def _draw_network(settings: StudySettings, network: Surrogate, folder: Path) -> None:
-    """Draw the network's predictions, and what it says of the coefficients."""
+    """Draw the network's predictions, and what it says of the variables."""
     units = np.array([1e3, 1e3, np.degrees(1.0)])
     shown = [("Z", "mm"), ("X", "mm"), ("R", "deg")]
     columns = slice(0, len(shown))

@@ -76,7 +76,7 @@ class Meter:
         Args:
             time: The ends of its steps [s], from 0 on, shape (n,).
             states: Positions, then velocities, of the plant at them, shape (n_q + n_v, n).
-            commands: What the servos were sent [rad], shape (241, 10), one row a frame.
+            commands: What the servos were sent [rad], shape (n, 10), one row a frame.
             mass: Factor on the mass of every link.
             delay: Time by which the servos act on a command late [s].
         """

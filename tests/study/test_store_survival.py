@@ -134,7 +134,7 @@ def test_a_study_goes_on_after_a_full_disk_whenever_it_was_full(tmp_path):
     assert max(numbers) > 20
 
 
-@pytest.fixture(params=[2, 3])
+@pytest.fixture(params=[2, 3, 4])
 def old(request, path, entry, measures):
     """Path of a study of an older schema, with one walk and its measures."""
     walk = dataclasses.replace(entry.walk, measures=measures)
@@ -142,7 +142,8 @@ def old(request, path, entry, measures):
         study.add(dataclasses.replace(entry, walk=walk))
         study.set("schema", request.param)
     connection = sqlite3.connect(path)
-    connection.execute("alter table walks rename column frames to steps")
+    if request.param < 4:
+        connection.execute("alter table walks rename column frames to steps")
     if request.param == 2:
         connection.execute("alter table walks drop column peak_ground_reaction")
     connection.close()
@@ -182,4 +183,4 @@ def test_a_study_of_an_older_schema_goes_on_with_the_columns_of_this_one(old, en
 
 def test_a_change_of_the_columns_is_a_new_schema():
     digest = hashlib.sha256("\n".join(COLUMNS).encode()).hexdigest()[:12]
-    assert (SCHEMA, digest) == (4, "84eb0ef39d8a")
+    assert (SCHEMA, digest) == (5, "84eb0ef39d8a")
