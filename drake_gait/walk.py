@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drake_gait.errors import SettingsError
-from drake_gait.gait import FRAME_TIME, JOINTS, FloatArray, Start
+from drake_gait.gait import FRAME_TIME, FRAMES, JOINTS, STANDING, FloatArray, Schedule, Start
 from drake_gait.ranges import POSITIVE, Range, Unit, check, choice
 from drake_gait.servo import Servo
 from drake_gait.sole import Contact, Sole
@@ -139,7 +139,7 @@ class WalkSettings:
     contact: Contact | None = None
     """Takes the place of the soles' own size and softness; for comparisons."""
     start: Start = Start.RAMP
-    """How the gait begins."""
+    """How a gait of the paper's family begins; others have a start of their own."""
     integrator: Integrator | None = None
     """Takes the place of the fidelity's own; for comparisons."""
     servo: Servo | None = None
@@ -188,7 +188,7 @@ class Outcome(StrEnum):
     """End of a walk."""
 
     WALKED = "walked"
-    """All frames on its feet."""
+    """All frames of the gait on its feet."""
     FELL = "fell"
     """The torso tilted or sank past the fall criterion."""
     DIVERGED = "diverged"
@@ -229,6 +229,8 @@ class History:
     """Force of the ground on the right and the left foot with its toes [N], shape (n, 2, 3)."""
     sole_height: FloatArray
     """Height of the lowest point of the right and the left foot [m], shape (n, 2)."""
+    schedule: Schedule = STANDING.schedule
+    """The gait's cycle and frames; the paper's by default."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -287,7 +289,7 @@ class Walk:
     outcome: Outcome
     """How the walk ended."""
     frames: int
-    """Control frames completed before the robot fell: N, at most 240."""
+    """Control frames completed before the robot fell: N, at most `planned`."""
     forward: float
     """Displacement of the centre of mass along world x [m]: Z_f."""
     lateral: float
@@ -306,6 +308,8 @@ class Walk:
     """Energy, slip and the like; None of a walk that diverged, or of an older study."""
     values: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     """Quantities that nothing else here tells, by name [SI], one value for each part."""
+    planned: int = FRAMES
+    """Frames of the gait; the paper's has 240."""
 
     @property
     def survived(self) -> bool:

@@ -342,7 +342,7 @@ FORWARD = Quantity(
     read=attrgetter("forward"),
 )  # fmt: skip
 JUMP = Quantity(
-    name="jump", label="jump of the command at 0.3 and 3.3 s", unit=DEGREES, digits=1,
+    name="jump", label="jump of the command where walking begins and ends", unit=DEGREES, digits=1,
     needs=Needs.CANDIDATE, read=_jump,
 )  # fmt: skip
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from drake_gait.files.destination import check, make_folder, write
 from drake_gait.files.strict_json import plain, to_json
-from drake_gait.gait import FloatArray, Start
+from drake_gait.gait import FRAME_TIME, FloatArray, Start
 from drake_gait.problem import Trial, evaluated
 from drake_gait.report.kept import MADE, Kept, fingerprint
 from drake_gait.report.page import FIGURES, PORTRAIT, Run, write_study_page
@@ -168,8 +168,10 @@ def _present(page: Run) -> None:
 def _walk_part(settings: StudySettings, best: StudyWalk, kept: Kept) -> dict[str, Any]:
     """Draw and record a walk; returns what result.json says of it."""
     how, start = walked_as(settings, best), settings.walk.start
+    gait = best.candidate.gait
     made_from = fingerprint(
-        (settings.name, best.id, best.walk, best.candidate, start),
+        (settings.name, best.id, best.walk, best.candidate.foot),
+        (gait.variables, gait.commands_from(start), gait.schedule),
         replace(how, model=read_model(settings.walk.model).sha256),
         [one.plain() for one in settings.quantities],
     )
@@ -271,8 +273,10 @@ def _quantities(
 
 
 def _jumps(best: StudyWalk, start: Start) -> dict[str, float]:
-    jumps = np.degrees(np.abs(best.candidate.gait.jumps_from(start))).max(axis=1)
-    return {"0.3 s": float(jumps[0]), "3.3 s": float(jumps[1])}
+    gait = best.candidate.gait
+    jumps = np.degrees(np.abs(gait.jumps_from(start))).max(axis=1).tolist()
+    times = (f"{frame * FRAME_TIME:.1f} s" for frame in gait.walking)
+    return dict(zip(times, jumps, strict=True))
 
 
 def _forget_unmade(kept: Kept) -> None:
@@ -373,7 +377,7 @@ def _draw_search(drawn: _Search, folder: Path) -> None:
 
 
 def _draw_network(settings: StudySettings, network: "Surrogate", folder: Path) -> None:
-    """Draw the network's predictions, and what it says of the coefficients."""
+    """Draw the network's predictions, and what it says of the variables."""
     from drake_gait.surrogates.sensitivity import sensitivity
 
     units = np.array([1e3, 1e3, np.degrees(1.0)])

@@ -19,7 +19,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from drake_gait.files.destination import write
-from drake_gait.gait import FRAMES
+from drake_gait.gait import FRAME_TIME, FRAMES
 from drake_gait.report import tables as report_tables
 from drake_gait.report.result import PAPER_TABLE
 from drake_gait.report.tables import number, scaled
@@ -73,7 +73,8 @@ def write_study_page(run: Run, path: Path) -> None:
         result=result,
         settings=run.settings,
         paper_best=number(PAPER_TABLE[-1][1], 2),
-        frames=FRAMES,
+        frames=_planned(run),
+        seconds=number(_planned(run) * FRAME_TIME, 1),
         ratio=scaled(result["forward_mm"], 1.0 / PAPER_TABLE[-1][1], 1),
         degrees=math.degrees(1.0),
         shuffles=_shuffles(result),
@@ -92,7 +93,7 @@ def write_study_page(run: Run, path: Path) -> None:
         finalists=report_tables.finalists(result),
         tables={
             "paper": report_tables.beside_the_paper(run.walks, limits),
-            "coefficients": report_tables.coefficients(result["coefficients_deg"] or []),
+            "gait": report_tables.gait(result, run.settings.space.family),
             "foot": report_tables.foot(result["foot"] or {}),
             "dropped": report_tables.finalists(result, dropped=True),
             "finalists_manner": report_tables.manner_of_finalists(result),
@@ -110,6 +111,13 @@ def write_study_page(run: Run, path: Path) -> None:
         command=command(run),
     )
     _write(page, path)
+
+
+def _planned(run: Run) -> int:
+    """Return the frames of the best walk's gait, or of the one in the middle of the box."""
+    if best := run.result.get("best"):
+        return int(best["walk"].get("planned", FRAMES))
+    return run.settings.space.middle.gait.frames
 
 
 def write_comparison_page(runs: Sequence[Run], path: Path) -> None:

@@ -12,7 +12,7 @@ from drake_gait.errors import GaitError, StudyError
 from drake_gait.files.destination import write
 from drake_gait.files.strict_json import from_json, plain, to_json
 from drake_gait.foot import FootDesign
-from drake_gait.gait import Gait
+from drake_gait.gait import Gait, gait_of, plain_gait
 from drake_gait.problem import BUILT_IN, Candidate, Quantity
 from drake_gait.study.records import StudyWalk
 from drake_gait.walk import Measures, Outcome, Walk
@@ -140,7 +140,7 @@ class StudyResult:
     measures: Measures | None = None
     """Measures of the best walk."""
     jumps_deg: Mapping[str, float] | None = None
-    """How far the gait of the best walk misses its nodes at 0.3 and 3.3 s [deg]."""
+    """Jumps of the best walk's command where walking begins and ends [deg], by their times."""
     quantities: Mapping[str, Any] | None = None
     """Every known quantity of the best walk by its name [SI]; a list where it has parts."""
 
@@ -210,13 +210,13 @@ class StudyResult:
 
 def best_in_words(best: StudyWalk | None) -> dict[str, Any]:
     """Return the keys of result.json that tell of the best walk in mm and degrees."""
-    walk = best.walk if best else None
+    walk, gait = (best.walk, best.candidate.gait) if best else (None, None)
     return {
         "walk": best.id if best else None,
         "outcome": str(walk.outcome) if walk else None,
         **distances(walk),
         "frames": walk.frames if walk else None,
-        "coefficients_deg": best.candidate.gait.degrees.tolist() if best else None,
+        "coefficients_deg": gait.degrees.tolist() if isinstance(gait, Gait) else None,
         "foot": asdict(best.candidate.foot) if best else None,
     }
 
@@ -260,10 +260,7 @@ def plain_walk(entry: StudyWalk) -> dict[str, Any]:
     found: dict[str, Any] = plain(
         {
             **own,
-            "candidate": {
-                "coefficients": candidate.gait.coefficients,
-                "foot": asdict(candidate.foot),
-            },
+            "candidate": {**plain_gait(candidate.gait), "foot": asdict(candidate.foot)},
             "walk": {**walk, "outcome": str(walk["outcome"])},
         }
     )
@@ -319,7 +316,7 @@ def _best(content: Mapping[str, Any]) -> StudyWalk | None:
         kept = dict(content["best"])
         candidate, walk = kept["candidate"], kept["walk"]
         kept["candidate"] = Candidate(
-            gait=Gait(coefficients=np.array(candidate["coefficients"])),
+            gait=gait_of(candidate),
             foot=FootDesign(**candidate["foot"]),
         )
         numbers: dict[str, Any] = {

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from drake_gait.foot import DESIGN_UNITS, N_MM_PER_DEG
-from drake_gait.gait import CYCLE_TIME, FRAME_TIME, TERMS, WAVEFORMS
+from drake_gait.gait import FRAME_TIME, TERMS, WAVEFORMS, GaitFamily
 from drake_gait.problem import BUILT_IN, OUTPUTS, Constraints, Limit, Quantity
 from drake_gait.problem.quantities import FEET
 from drake_gait.report.result import PAPER_TABLE
@@ -313,6 +313,27 @@ def manner_of_finalists(result: Mapping[str, Any]) -> Table | None:
     )
 
 
+def gait(result: Mapping[str, Any], family: GaitFamily) -> Table:
+    """Return the best walk's gait: its coefficients, or its variables in the units of a file.
+
+    Args:
+        result: Content of result.json.
+        family: The family of the study's gaits.
+    """
+    best = (result.get("best") or {}).get("candidate", {})
+    if "variables" not in best:
+        return coefficients(result["coefficients_deg"] or [])
+    rows = [
+        [words(one.name), f"{best['variables'][one.name] / one.unit.si + 0.0:.4g}", one.unit.short]
+        for one in family.variables
+    ]
+    return Table(
+        caption=f"The gait, of the family {family.label}",
+        columns=["variable", "value", "unit"],
+        rows=rows,
+    )
+
+
 def coefficients(degrees: Sequence[Sequence[float]]) -> Table:
     """The sixteen coefficients of a gait."""
     return Table(
@@ -429,11 +450,18 @@ def stages(
 def failures(walks: Iterable[StudyWalk]) -> Table:
     """Return the causes of early ends: falls by their gait cycle, and others."""
     counts: Counter[str] = Counter()
+    walks = list(walks)
+    one_period = len({entry.candidate.gait.schedule.period for entry in walks}) == 1
     for entry in walks:
-        walk = entry.walk
+        walk, period = entry.walk, entry.candidate.gait.schedule.period
         if walk.outcome is Outcome.FELL:
-            begin = CYCLE_TIME * int(walk.frames * FRAME_TIME / CYCLE_TIME)
-            counts[f"fell between {begin:.1f} and {begin + CYCLE_TIME:.1f} s"] += 1
+            cycle = int(walk.frames * FRAME_TIME / period)
+            begin = period * cycle
+            counts[
+                f"fell between {begin:.1f} and {begin + period:.1f} s"
+                if one_period
+                else f"fell in gait cycle {cycle + 1}"
+            ] += 1
         elif walk.failure:
             counts[walk.failure] += 1
     rows = [[cause, str(count)] for cause, count in sorted(counts.items())]

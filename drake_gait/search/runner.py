@@ -179,7 +179,10 @@ class Runner:
             nominal=plan.nominal,
             variation=plan.variation,
             candidate=plan.trial.candidate,
-            walk=evaluated(finished.walk, self._asked(plan)),
+            walk=replace(
+                evaluated(finished.walk, self._asked(plan)),
+                planned=plan.trial.candidate.gait.frames,
+            ),
             predicted=plan.predicted,
             seconds=finished.seconds,
         )
@@ -238,7 +241,7 @@ def _unasked(finished: Finished, planned: Sequence[Planned]) -> WorkerError:
 
 
 def perturbed(trial: Trial, settings: StudySettings, nominal: int, variation: int) -> Trial:
-    """A variation of a trial: noise on every coefficient, and another friction.
+    """A variation of a trial: noise on every angle of its gait, and another friction.
 
     Args:
         trial: The trial as it is.
@@ -249,8 +252,8 @@ def perturbed(trial: Trial, settings: StudySettings, nominal: int, variation: in
     plan = settings.confirmation
     rng = generator(settings.seed, Purpose.NOISE, nominal, variation)
     gait = trial.candidate.gait
-    noisy = gait.coefficients + plan.noise * rng.standard_normal(gait.coefficients.shape)
+    noise = plan.noise * rng.standard_normal(len(gait.variables))
     return Trial(
-        candidate=replace(trial.candidate, gait=replace(gait, coefficients=noisy)),
+        candidate=replace(trial.candidate, gait=gait.moved(noise)),
         settings=on_ground(trial.settings, settings, end_of_variation(variation)),
     )

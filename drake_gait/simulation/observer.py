@@ -15,7 +15,7 @@ from pydrake.multibody.plant import ContactResults
 from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import Context, EventStatus
 
-from drake_gait.gait import CYCLE_TIME, FRAME_TIME, FloatArray
+from drake_gait.gait import FRAME_TIME, STANDING, FloatArray, Schedule
 from drake_gait.simulation.contact import ground_of
 from drake_gait.simulation.measures import swing_clearance
 from drake_gait.simulation.messages import default_context
@@ -52,6 +52,7 @@ class Observer:
         sent: FloatArray | None = None,
         mass: float = 1.0,
         delay: float = 0.0,
+        schedule: Schedule = STANDING.schedule,
     ) -> None:
         """Watch a robot.
 
@@ -61,7 +62,9 @@ class Observer:
             sent: What its servos get [rad], shape (n_frames, m), where it differs.
             mass: Factor on the mass of every link.
             delay: Time by which the servos act on a command late [s].
+            schedule: The gait's cycle and frames; the paper's by default.
         """
+        self._schedule = schedule
         self._robot, self._commands, self._mass_factor = robot, commands, mass
         servo = self._servo = robot.config.servo
         sent = robot.joints.sent(commands) if sent is None else sent
@@ -157,7 +160,7 @@ class Observer:
             name: np.array([frame[name] for frame in self._frames]) for name in self._frames[0]
         }
         stacked["torso"][:, 3:] = np.unwrap(stacked["torso"][:, 3:], axis=0)
-        return History(**stacked)
+        return History(**stacked, schedule=self._schedule)
 
     def measures(self, history: History, forward: float) -> Measures:
         """Return the measures of a walk with this history that went `forward` [m]."""
@@ -166,7 +169,8 @@ class Observer:
         mass = self._mass_factor * plant.CalcTotalMass(plant.CreateDefaultContext())
         weight = mass * gravity
         loaded = history.ground_reaction[:, :, 2] > self._robot.meter.load
-        cycle = (history.time >= CYCLE_TIME) & (history.time < 2.0 * CYCLE_TIME)
+        begin, end = self._schedule.second_cycle
+        cycle = (history.time >= begin) & (history.time < end)
         duty = loaded[cycle].mean(axis=0) if cycle.any() else np.full(2, np.nan)
         roll, pitch = history.torso[:, 3], history.torso[:, 4]
         tilt = np.arccos(np.clip(np.cos(roll) * np.cos(pitch), -1.0, 1.0))
@@ -184,8 +188,8 @@ class Observer:
             saturated_fraction=float(self._saturated / max(history.time[-1], FRAME_TIME)),
             slip=(float(self._slip[0]), float(self._slip[1])),
             clearance=(
-                swing_clearance(history.sole_height[:, 0]),
-                swing_clearance(history.sole_height[:, 1]),
+                swing_clearance(history.sole_height[:, 0], self._schedule),
+                swing_clearance(history.sole_height[:, 1], self._schedule),
             ),
             duty_factor=(float(duty[0]), float(duty[1])),
             # By momentum: forces read from a state that ends a step are not those of the step.

@@ -14,7 +14,7 @@ from pydrake.systems.framework import Context
 
 from drake_gait.errors import ModelError
 from drake_gait.foot import FootDesign
-from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray
+from drake_gait.gait import FRAME_TIME, FloatArray, Schedule, schedule_of
 from drake_gait.robot.description import read_model, servo_of
 from drake_gait.simulation.command_source import commands_at
 from drake_gait.simulation.measures import measures_of
@@ -97,8 +97,11 @@ class _Observer(Observer):
         sent: FloatArray,
         mass: float,
         delay: float,
+        schedule: Schedule,
     ) -> None:
-        super().__init__(found.robot, commands, sent=sent, mass=mass, delay=delay)
+        super().__init__(
+            found.robot, commands, sent=sent, mass=mass, delay=delay, schedule=schedule
+        )
         self._found, self._data = found, data
 
     def _contacts(self, plant_context: Context) -> list[Touch]:
@@ -164,7 +167,9 @@ class _Log:
         # Speeds of a plate are linear in place: their mean by load is that at the load's centre.
         self._sliding.append(np.hypot(sums[1], sums[2]) / np.maximum(sums[0], _LIGHTEST))
 
-    def measures(self, walk: Walk, sent: FloatArray, mass: float, delay: float) -> Measures:
+    def measures(
+        self, walk: Walk, sent: FloatArray, mass: float, delay: float, schedule: Schedule
+    ) -> Measures:
         """Return the measures of the walk."""
         # A robot that flies apart has numbers that grow beyond all bounds.
         with np.errstate(all="ignore"):
@@ -172,7 +177,10 @@ class _Log:
             states = np.array(self._states).T
             record = meter.record(np.array(self._time), states, sent, mass, delay=delay)
             record = replace(
-                record, loads=np.array(self._loads).T, sliding=np.array(self._sliding).T
+                record,
+                loads=np.array(self._loads).T,
+                sliding=np.array(self._sliding).T,
+                schedule=schedule,
             )
             return measures_of(record, forward=walk.forward)
 
@@ -188,35 +196,39 @@ def follow(
     *,
     history: bool = False,
     watch: Watch | None = None,
-    frames: int = FRAMES,
+    frames: int | None = None,
+    schedule: Schedule | None = None,
     hardness: Hardness | None = None,
 ) -> Walk:
     """Let the servos follow joint commands from a standing start.
 
     Args:
-        commands: Joint angles [rad], shape (241, 10), columns as gait.JOINTS, one row a frame.
+        commands: Joint angles [rad], shape (n + 1, 10), columns as gait.JOINTS, one row a frame.
         foot: The toes.
         settings: How to simulate.
         history: Whether to record time histories.
         watch: Told of every frame as it is reached.
-        frames: How many to walk.
+        frames: How many to walk; all by default.
+        schedule: The gait's cycle and frames.
         hardness: Of the contacts; for comparisons.
 
     Raises:
         ModelError: the robot description cannot be used, or not in MuJoCo.
     """
+    frames = len(commands) - 1 if frames is None else frames
+    schedule = schedule or schedule_of(len(commands) - 1)
     mass, late = (settings.disturbance or Disturbance()).mass, settings.delay
     with _warnings() as warnings:
         ready = prepare(commands, foot, settings, hardness=hardness)
         found, data, sent = ready.model, ready.data, ready.sent
-        observer = _Observer(found, data, commands, sent, mass, late) if history else None
+        observer = _Observer(found, data, commands, sent, mass, late, schedule) if history else None
         log = _Log(found, data)
         walk = _advance(
             found, data, ready.targets, log, settings.time_limit, observer, watch, frames, warnings
         )
     if walk.outcome is Outcome.DIVERGED:
         return walk
-    measures = log.measures(walk, sent, mass, late)
+    measures = log.measures(walk, sent, mass, late, schedule)
     return replace(walk, history=observer.history() if observer else None, measures=measures)
 
 
@@ -229,9 +241,9 @@ class Prepared:
     data: mujoco.MjData
     """Its state."""
     sent: FloatArray
-    """Commands with the servos' own zeros [rad], shape (241, 10)."""
+    """Commands with the servos' own zeros [rad], shape (n + 1, m)."""
     targets: FloatArray
-    """What the servos follow in each step [rad], shape (240, steps, 10)."""
+    """What the servos follow in each step [rad], shape (n, steps, m)."""
 
 
 def prepare(
