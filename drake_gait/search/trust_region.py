@@ -10,7 +10,7 @@ from scipy.spatial.distance import cdist
 from drake_gait.errors import SettingsError
 from drake_gait.gait import FloatArray
 from drake_gait.optimizers import isade
-from drake_gait.search.acquisition import Acquisition
+from drake_gait.search.acquisition import Acquisition, Test
 from drake_gait.search.grounds import end_of_proposal, grounded_inputs
 from drake_gait.search.learner import NetworkProposer, gain_to_beat
 from drake_gait.search.proposer import (
@@ -194,6 +194,7 @@ class TrustRegion(NetworkProposer):
             2.0 * float(spread.mean()),
             settings.search.replicas,
             settings.search.risk,
+            Test.of(settings),
         )
         trials: list[FloatArray] = []
         for index in range(self._isade_points):
