@@ -226,7 +226,8 @@ class Gait(AnyGait):
             part: 1.0 - raised_cosine((cycles - begin) / (end - begin))
             for part, (begin, end) in _SHRINKING.items()
         }
-        mean = self.coefficients[None, :, 0]
+        # Held inside the ranges too, so that what lies between it and the waveforms is.
+        mean = np.clip(self.coefficients[None, :, 0], *ANGLE_LIMITS.T)
         means = joint_rows(np.zeros(1), mean[:, 1:], mean[:, 1:])
         swing = np.repeat((legs * left["legs"])[:, None], 3, axis=1)
         settled = (
