@@ -153,6 +153,17 @@ class DesignSpace:
         """Return the candidate in the middle of the box."""
         return self.decode(np.zeros(self.dimension))
 
+    def noise(self, deviation: float) -> FloatArray:
+        """Return the deviation of x, shape (d,), that noise on every angle of a gait brings.
+
+        Args:
+            deviation: That of each angle [rad].
+        """
+        place = list(self.open_variables)
+        angles = np.array([self.family.variables[one].is_angle for one in place])
+        of_gait = deviation * angles / self.half_width.ravel()[place]
+        return np.concatenate([of_gait, np.zeros(len(self.foot_ranges))])
+
     def decode(self, x: ArrayLike) -> Candidate:
         """The candidate at x, shape (d,)."""
         x = np.asarray(x, dtype=float)

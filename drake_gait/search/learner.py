@@ -12,7 +12,7 @@ import numpy as np
 
 from drake_gait.gait import FloatArray
 from drake_gait.problem import quantity
-from drake_gait.search.acquisition import chance_to_hold
+from drake_gait.search.acquisition import Test, chance_to_hold
 from drake_gait.search.grounds import Grounded, grounded_inputs, predictions, together
 from drake_gait.search.proposer import (
     Proposal,
@@ -165,11 +165,20 @@ def grounded_data(
 
 
 def promise(settings: StudySettings, network: Network, x: FloatArray) -> tuple[FloatArray, ...]:
-    """Return the chance of candidates to hold, and their mean gain, each of shape (n,)."""
+    """Return the chance of a candidate's walk to hold, and its mean gain, each of shape (n,)."""
     expected = predictions(network, x)
-    names, plan = settings.outputs, settings.search
-    chance = chance_to_hold(expected, names, settings.constraints.limits, plan.risk)
+    names, plan, limits = settings.outputs, settings.search, settings.constraints.limits
+    if (test := Test.of(settings)) is None:
+        chance = chance_to_hold(expected, names, limits, plan.risk)
+    else:
+        chance = test.chance_of_a_walk(network, x, names, limits)
     return chance, together(expected).mean[:, names.index(plan.objective.quantity)]
+
+
+def to_pass(settings: StudySettings, chance: FloatArray) -> FloatArray:
+    """Return what a chance of each walk, shape (n,), is worth to a search, by its risk."""
+    test = Test.of(settings)
+    return chance if test is None else test.chance_to_pass(chance)
 
 
 def most_promising(
@@ -182,7 +191,8 @@ def most_promising(
     if not len(x):
         return None
     chance, gain = promise(settings, network, x)
-    best = int(np.argmax(chance * np.maximum(gain, 1e-9)))
+    worth = np.maximum(to_pass(settings, chance), 1e-12)
+    best = int(np.argmax(worth * np.maximum(gain, 1e-9)))
     return best, float(gain[best])
 
 

@@ -31,6 +31,9 @@ class Mode(StrEnum):
 class Risk(StrEnum):
     """Weight of safety against distance, in a search on two grounds."""
 
+    TRUST = "trust"
+    """The mean improvement to expect, and the chance to pass the confirmation's first test."""
+
     MEAN = "mean"
     """The improvement to expect, and the chance to hold, of the mean of both grounds."""
     CHANCE = "chance"
