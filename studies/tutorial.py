@@ -14,14 +14,12 @@ import numpy as np
 
 from drake_gait import (
     Candidate,
-    Constraints,
     Fidelity,
     FootDesign,
     Gait,
     Study,
     StudyResult,
     StudySettings,
-    WalkSettings,
     assess,
     default_study,
     read_study,
@@ -31,6 +29,7 @@ from drake_gait import (
     write_report,
 )
 from drake_gait.foot import N_MM_PER_DEG
+from drake_gait.gait import WAVEFORMS
 from drake_gait.report.result import in_words
 from drake_gait.search.proposer import training_data
 from drake_gait.study.ranking import best_walk, feasible_walks
@@ -55,21 +54,16 @@ if options.confirmations is not None:
     overrides["confirmation", "reference_walks"] = options.confirmations
 settings = read_study(default_study(), overrides)
 
-# %% 1. One gait. Sixteen coefficients in degrees; what comes back is in SI units.
-gait = Gait.from_degrees(
-    [  # a, b, c, d of
-        [0.5, 2.3, 5.8, -0.4],  # hip and ankle roll
-        [12.7, -13.1, 9.4, -0.6],  # hip pitch
-        [22.2, -2.4, 13.0, 0.2],  # knee
-        [10.0, 6.2, 6.4, 0.7],  # ankle pitch
-    ]
-)
-first = Candidate(gait=gait)
-walk = simulate(first, history=True)
-print(f"1. first gait: {in_words(walk)}, {walk.outcome}")
-violations = assess(walk, Constraints()).violations
-named = zip(Constraints().names, violations, strict=True)
-print("   violations: " + ", ".join(f"{name} {value:.2f}" for name, value in named))
+# %% 1. One gait. The middle of the study's box, in degrees; what comes back is in SI units.
+first = Candidate(gait=Gait.from_degrees(np.degrees(settings.space.centre).round(2)))
+print("1. the first gait: a, b, c, d in degrees")
+for name, row in zip(WAVEFORMS, first.gait.degrees, strict=True):
+    print(f"   {name:<6} " + " ".join(f"{value:7.2f}" for value in row))
+walk = simulate(first, settings.walk, history=True)
+violations = assess(walk, settings.constraints).violations
+named = zip(settings.constraints.names, violations, strict=True)
+broken = ", ".join(f"{name} by {value:.2f}" for name, value in named if value > 0.0)
+print(f"   {in_words(walk)}, {walk.outcome}; it breaks {broken or 'no limit'}")
 
 # %% 2. Look at it. A recording for the browser, and what the joints did.
 if walk.history is not None:
@@ -87,9 +81,9 @@ def perturbed(candidate: Candidate, count: int = 8) -> str:
     for _ in range(count):
         noise = 0.05 * rng.standard_normal((4, 4))
         shaken = Gait.from_degrees(candidate.gait.degrees + noise)
-        walks.append(simulate(Candidate(gait=shaken, foot=candidate.foot)))
+        walks.append(simulate(Candidate(gait=shaken, foot=candidate.foot), settings.walk))
     forward = [1e3 * walk.forward for walk in walks if walk.survived]
-    feasible = sum(assess(walk, Constraints()).feasible for walk in walks)
+    feasible = sum(assess(walk, settings.constraints).feasible for walk in walks)
     spread = f"Z {min(forward):.0f} to {max(forward):.0f} mm" if forward else "none walks"
     return f"{len(forward)} of {count} survive, {feasible} feasible, {spread}"
 
@@ -160,7 +154,7 @@ def foot_in_words(foot: FootDesign) -> str:
     )
 
 
-reference = WalkSettings(fidelity=Fidelity.REFERENCE)
+reference = replace(settings.walk, fidelity=Fidelity.REFERENCE)
 print("8. compare")
 for name, candidate in (
     ("first gait", first),
@@ -168,7 +162,7 @@ for name, candidate in (
     ("co-designed", codesigned.candidate),
 ):
     print(f"   {name}: {foot_in_words(candidate.foot)}")
-    print(f"      nominal    {in_words(simulate(candidate))}")
+    print(f"      nominal    {in_words(simulate(candidate, settings.walk))}")
     print(f"      perturbed  {perturbed(candidate)}")
     fine = simulate(candidate, reference)
     print(f"      reference  {in_words(fine)}, {fine.outcome}")
