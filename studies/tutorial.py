@@ -1,4 +1,4 @@
-"""From a first gait to a co-designed foot: `python studies/tutorial.py`, about five minutes.
+"""From a first gait to a co-designed foot: `python studies/tutorial.py`, about three minutes.
 
 docs/tutorial/gait_to_foot.md explains what it prints. tutorial.ipynb has the same cells, for
 Jupyter. The smallest budget, `--samples 28 --simulations 30 --confirmations 8`, takes half a minute
@@ -38,9 +38,9 @@ from drake_gait.visualization.walk import waveforms
 
 parser = argparse.ArgumentParser(description=(__doc__ or "").partition(":")[0], allow_abbrev=False)
 parser.add_argument("--out", type=Path, default=Path("runs/tutorial"), help="folder to write")
-parser.add_argument("--samples", type=int, default=120, help="walks of each Latin hypercube")
-parser.add_argument("--simulations", type=int, default=240, help="walks of each study in all")
-parser.add_argument("--confirmations", type=int, help="walks of each tier, at most")
+parser.add_argument("--samples", type=int, default=60, help="walks of each Latin hypercube")
+parser.add_argument("--simulations", type=int, default=90, help="walks of each study in all")
+parser.add_argument("--confirmations", type=int, default=16, help="walks of each tier, at most")
 parser.add_argument("--seed", type=int, default=0, help="seed of both studies")
 options, _ = parser.parse_known_args()  # A notebook has arguments of its own.
 options.out.mkdir(parents=True, exist_ok=True)
@@ -48,10 +48,9 @@ overrides = {
     ("study", "seed"): options.seed,
     ("search", "samples"): options.samples,
     ("search", "simulations"): options.simulations,
+    ("confirmation", "walks"): options.confirmations,
+    ("confirmation", "reference_walks"): options.confirmations,
 }
-if options.confirmations is not None:
-    overrides["confirmation", "walks"] = options.confirmations
-    overrides["confirmation", "reference_walks"] = options.confirmations
 settings = read_study(default_study(), overrides)
 
 # %% 1. One gait. The middle of the study's box, in degrees; what comes back is in SI units.
