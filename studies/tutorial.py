@@ -111,7 +111,7 @@ network = fit(*training_data(samples, settings.space, settings.outputs), seed=op
 for name, train, heldout in zip(
     settings.outputs, network.r2_train, network.r2_heldout, strict=True
 ):
-    print(f"   R² of {name:<10}  walks learnt from {train:5.2f}   held out {heldout:5.2f}")
+    print(f"   R² of {name:<11}  walks learnt from {train:5.2f}   held out {heldout:5.2f}")
 
 
 # %% 6. What the search made of it. The furthest walk, and the one that was confirmed.
