@@ -38,6 +38,7 @@ _KINDS = {
     "confirmation": ConfirmationSettings,
     "box": DesignSpace,
     "gait": WalkSettings,
+    "robot": WalkSettings,
     "walk": WalkSettings,
     "servo": Servo,
     "foot": FootDesign,
@@ -69,6 +70,16 @@ _TOLD = {
     "box.centre_deg": ("required", "Table I"),
     "box.centre_from": ("none", "a path", _EARLIER),
     "box.half_width_deg": ("required", "each > 0"),
+    "robot.file": (
+        "khr3hv.toml",
+        "[a path or name](#the-robot-of-a-study)",
+        "[Robot's file](../explanation/robot.md#a-robots-file), from the folder of this file.",
+    ),
+    "robot.model": (
+        "the file's",
+        "a path",
+        "Another model of this robot: SDFormat, URDF or MJCF. Without a file, an edited KHR-3HV.",
+    ),
     "walk.model": ("khr3hv.sdf", "[a path or name](#the-robot-of-a-study)"),
 }
 _PER_SIDE = {Side.UPPER: "at most", Side.LOWER: "at least", Side.BOTH: "size at most"}

@@ -229,6 +229,25 @@ def test_check_stands_a_robot_up_and_tells_what_a_search_needs(robots, tmp_path,
     assert settings.walk.model == str(robots["stiff"])
 
 
+def test_the_how_to_s_robot_stands_and_has_a_study(repository, tmp_path, monkeypatch, capfd):
+    page = (repository / "docs" / "howto" / "own_robot.md").read_text(encoding="utf-8")
+    (text,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    own_robots.write(tmp_path)
+    (tmp_path / "stiff.toml").write_text(text)
+    (tmp_path / "heavy.urdf").write_text(URDF.replace('mass value="1.0"', 'mass value="1.1"'))
+    monkeypatch.chdir(tmp_path)
+    commands = re.findall(r"^    python -m (.*)$", page, re.MULTILINE)
+    assert len(commands) == 3
+    for command in commands:
+        module, *words = command.split()
+        if module == "drake_gait":
+            assert words[0] == "check"
+            assert check(words[1:]) == 0
+        else:
+            settings = parse(words).settings()
+            try_robot(settings, read_model(settings.walk.model, settings.walk.robot))
+
+
 # --- Robots that are refused ----------------------------------------------------------------------
 
 STAND = "[standing_deg]\n"
