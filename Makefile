@@ -7,10 +7,6 @@ ARGS ?=
 # A file's tests stay in one process, which shares their fixtures.
 PYTEST = $(BIN)/python -m pytest --numprocesses logical --dist loadfile --no-loadscope-reorder
 
-# One thread in each of the processes that walk: more only slow each other down.
-export OPENBLAS_NUM_THREADS = 1
-export OMP_NUM_THREADS = 1
-
 .PHONY: walk test quick lint types docs release-check clean
 
 walk: $(VENV)/.installed  ## install, and run the default study (ARGS="--seed 1" and so on)

@@ -14,8 +14,6 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from drake_gait.errors import SettingsError, StudyError
 from drake_gait.execution.base import Executor, Finished
 from drake_gait.execution.dask import DaskCluster
@@ -37,7 +35,7 @@ from drake_gait.search.runner import Progress
 from drake_gait.simulation.simulate import try_out, walk_trial
 from drake_gait.study.robot import ROBOT, robot_of
 from drake_gait.study.settings import StudySettings
-from drake_gait.study.store import PROPOSER, QUANTITIES, Study
+from drake_gait.study.store import PROPOSER, QUANTITIES, VARIABLES, Study
 from drake_gait.visualization.portraits import check_looks
 
 STARTING_TIME = 60.0  # What a worker may need beside its walk, to import and to build [s].
@@ -128,10 +126,12 @@ def _require_proposer(study: Study, name: str | None) -> None:
 
 def _wanted(settings: StudySettings, model: RobotModel) -> dict[str, Any]:
     """Return the settings that identify a study."""
+    variables = settings.variables()
     return {
         "settings": settings.description(),
         "model_sha256": model.sha256,
         QUANTITIES: [one.plain() for one in settings.quantities],
+        **({} if variables is None else {VARIABLES: variables}),
     }
 
 
@@ -147,7 +147,7 @@ def try_robot(settings: StudySettings, model: RobotModel) -> None:
         ModelError: it cannot be used.
     """
     space, walk = settings.space, replace(settings.walk, model=model)
-    gait = space.decode(np.zeros(space.dimension)).gait
+    gait = space.middle.gait
     sizes = [one for one in space.foot_ranges if one[0] in SIZES]
     ends = itertools.product(*([(name, low), (name, high)] for name, low, high in sizes))
     for end in ends:

@@ -117,6 +117,48 @@ class Servo:
             return error
         return error - np.clip(error, -0.5 * self.backlash, 0.5 * self.backlash)
 
+    def back_emf(self, stall: _Array, supply: float = 1.0) -> _Array:
+        """Return the torque that a motor loses for each rad/s [N·m·s/rad].
+
+        Args:
+            stall: Stall torque of each motor at that supply [N·m], any shape.
+            supply: Supply voltage / rated voltage.
+        """
+        lost: _Array = stall / (supply * self.no_load_speed)
+        return lost
+
+    def controller_torque(self, error: Any, speed: Any, stall: _Array) -> _Array:
+        """Return the torque that the controller asks of the motor [N·m].
+
+        Args:
+            error: What winds up its spring, see `engaged` [rad], any shape.
+            speed: Speed of the joint [rad/s], the same shape.
+            stall: Stall torque [N·m], of a shape that goes with the others.
+        """
+        asked = self.stiffness * error - self.damping * speed
+        held: _Array = np.clip(asked, -stall, stall)
+        return held
+
+    def motor_torque(self, controller: _Array, speed: Any, back_emf: _Array) -> _Array:
+        """Return the torque of the motor, its back-EMF taken off [N·m].
+
+        Args:
+            controller: What the controller asks for [N·m], any shape.
+            speed: Speed of the joint [rad/s], the same shape.
+            back_emf: See `back_emf` [N·m·s/rad], of a shape that goes with the others.
+        """
+        found: _Array = controller - back_emf * speed
+        return found
+
+    def joint_torque(self, motor: _Array, speed: _Array) -> _Array:
+        """Return the torque on the joint: the motor's less dry friction [N·m].
+
+        Args:
+            motor: Torque of the motor, the back-EMF taken off [N·m], any shape.
+            speed: Speed of the joint [rad/s], the same shape.
+        """
+        return motor + self.friction_torque(motor, speed) if self.has_friction else motor
+
     def friction_limit(self, motor: _Array) -> _Array:
         """Return the most that dry friction can hold [N·m].
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drake_gait.errors import SettingsError
-from drake_gait.gait import FRAME_TIME, JOINTS, FloatArray, Start
+from drake_gait.gait import FRAME_TIME, FRAMES, JOINTS, STANDING, FloatArray, Schedule, Start
 from drake_gait.ranges import POSITIVE, Range, Unit, check, choice
 from drake_gait.servo import Servo
 from drake_gait.sole import Contact, Sole
@@ -139,7 +139,7 @@ class WalkSettings:
     contact: Contact | None = None
     """Takes the place of the soles' own size and softness; for comparisons."""
     start: Start = Start.RAMP
-    """How the gait begins."""
+    """How a gait of the paper's family begins; others have a start of their own."""
     integrator: Integrator | None = None
     """Takes the place of the fidelity's own; for comparisons."""
     servo: Servo | None = None
@@ -148,8 +148,6 @@ class WalkSettings:
     """Factor on every coefficient of friction between the feet and the ground."""
     disturbance: Disturbance | None = None
     """How the robot differs from its description."""
-    measures: bool = False
-    """Without effect since 0.3: every walk has its measures."""
     time_limit: float = 60.0
     """Computing time after which a walk is given up as diverged [s]."""
 
@@ -190,7 +188,7 @@ class Outcome(StrEnum):
     """End of a walk."""
 
     WALKED = "walked"
-    """All frames on its feet."""
+    """All frames of the gait on its feet."""
     FELL = "fell"
     """The torso tilted or sank past the fall criterion."""
     DIVERGED = "diverged"
@@ -231,6 +229,8 @@ class History:
     """Force of the ground on the right and the left foot with its toes [N], shape (n, 2, 3)."""
     sole_height: FloatArray
     """Height of the lowest point of the right and the left foot [m], shape (n, 2)."""
+    schedule: Schedule = STANDING.schedule
+    """The gait's cycle and frames; the paper's by default."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -259,10 +259,19 @@ class Measures:
     """Largest vertical force of the ground, mean of a frame of 20 ms / weight."""
     toe_range: tuple[float, float, float, float]
     """Largest angle of each toe [rad]: right big, right lesser, left big, left lesser."""
-    yaw_swing: float
-    """Range of the torso's heading [rad]."""
     torso_tilt: float
     """Largest lean of the torso from upright [rad]."""
+    # Walks of older studies lack these.
+    driving_torque: float = math.nan
+    """Largest torque of a servo that drives its joint [N·m]."""
+    braking_torque: float = math.nan
+    """Largest torque of a servo that its joint drives back [N·m]."""
+    driving_speed: float = math.nan
+    """Largest speed of a servo that drives its joint [rad/s]."""
+    braking_speed: float = math.nan
+    """Largest speed of a servo that its joint drives back [rad/s]."""
+    line_share: float = math.nan
+    """Largest torque / stall torque + speed / no-load speed of a motor that drives its joint."""
 
 
 _CAUSES = {
@@ -280,7 +289,7 @@ class Walk:
     outcome: Outcome
     """How the walk ended."""
     frames: int
-    """Control frames completed before the robot fell: N, at most 240."""
+    """Control frames completed before the robot fell: N, at most `planned`."""
     forward: float
     """Displacement of the centre of mass along world x [m]: Z_f."""
     lateral: float
@@ -296,9 +305,11 @@ class Walk:
     history: History | None = field(default=None, repr=False)
     """Time histories, when asked for."""
     measures: Measures | None = None
-    """Energy, slip and the like, when histories are asked for."""
+    """Energy, slip and the like; None of a walk that diverged, or of an older study."""
     values: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     """Quantities that nothing else here tells, by name [SI], one value for each part."""
+    planned: int = FRAMES
+    """Frames of the gait; the paper's has 240."""
 
     @property
     def survived(self) -> bool:

@@ -302,8 +302,12 @@ def measures() -> Measures:
         duty_factor=(0.61, 0.63),
         peak_ground_reaction=1.9,
         toe_range=(0.21, 0.11, 0.23, 0.13),
-        yaw_swing=0.31,
         torso_tilt=0.15,
+        driving_torque=0.8,
+        braking_torque=0.91,
+        driving_speed=5.9,
+        braking_speed=6.11,
+        line_share=0.97,
     )
 
 

@@ -61,7 +61,7 @@ def trusted(settings, candidate, walks=8):
     from drake_gait.problem import Trial
     from drake_gait.search.runner import perturbed
 
-    nominal = Trial(candidate=candidate, settings=settings.trial_settings)
+    nominal = Trial(candidate=candidate, settings=settings.walk)
     ground = Grounds(settings)
     found = [
         ground.walk(perturbed(nominal, settings, 987654, number)) for number in range(1, walks + 1)

@@ -1,13 +1,13 @@
-"""Stand-ins for the simulation, which workers import by their names."""
+"""Stand-ins for the simulation, which workers import by their names: nothing heavy is in here."""
 
 import ctypes
 import dataclasses
 import os
+import signal
 import time
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from drake_gait.errors import ModelError
 from drake_gait.execution.local import LocalProcesses
@@ -125,7 +125,7 @@ def wait_for_end_of(processes):
         if not any(is_running(process) for process in processes):
             return
         time.sleep(0.1)
-    pytest.fail(f"of the processes {processes} one is left")
+    raise AssertionError(f"of the processes {processes} one is left")
 
 
 def is_running(process):
@@ -159,3 +159,36 @@ def pause_or_hang(candidate):
     if number_of(candidate) >= 2:
         hang_and_compute()
     return pause(candidate)
+
+
+def blocked_or_dead(sent, candidate):
+    if number_of(candidate) == 1:
+        os._exit(3)
+    blocked = sent in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    return dataclasses.replace(stride(candidate), reason=str(blocked))
+
+
+def die_the_first_time(folder, bad, candidate):
+    """A walk that is killed from outside, as by a system that is out of memory."""
+    first = Path(folder) / str(number_of(candidate))
+    if number_of(candidate) in bad and not first.exists():
+        first.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return stride(candidate)
+
+
+def log_of_times(folder, candidate):
+    """A walk that dies if its number is even, and says from when to when it ran if not."""
+    start = time.monotonic()
+    first = Path(folder) / f"{number_of(candidate)}.first"
+    if number_of(candidate) % 2 == 0 and not first.exists():
+        first.touch()
+        os._exit(3)
+    time.sleep(0.1)
+    (Path(folder) / f"{number_of(candidate)}.times").write_text(f"{start} {time.monotonic()}")
+    return stride(candidate)
+
+
+def brief(candidate):
+    time.sleep(0.01)
+    return stride(candidate)

@@ -46,7 +46,7 @@ WALLS = {
     "distributed": {"execution"},
     "matplotlib": {"visualization"},
     "cmaes": {"search"},
-    "cloudpickle": {"problem"},
+    "cloudpickle": {"gait", "problem"},
     "rich": {"cli"},
     "mujoco": {"simulation"},
     "rcb4": {"hardware"},
@@ -143,7 +143,7 @@ def test_the_modules_import_each_other_in_no_circle():
         name: imported_modules(path) for name, path in MODULES.items() if path.name != "__init__.py"
     }
     order = list(graphlib.TopologicalSorter(graph).static_order())
-    gait, loop, command = "gait", "search.loop", "cli._optimize"
+    gait, loop, command = "gait.paper", "search.loop", "cli._optimize"
     places = [order.index(f"drake_gait.{name}") for name in (gait, loop, command)]
     assert places == sorted(places)
 

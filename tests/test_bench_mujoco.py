@@ -21,9 +21,12 @@ def bench(repository):
 
 def walked(forward, lateral, degrees, outcome=Outcome.WALKED):
     return replace(
-        Walk.diverged(""), outcome=outcome, forward=1e-3 * forward, lateral=1e-3 * lateral,
+        Walk.diverged(""),
+        outcome=outcome,
+        forward=1e-3 * forward,
+        lateral=1e-3 * lateral,
         yaw=np.radians(degrees),
-    )  # fmt: skip
+    )
 
 
 OWN = [walked(500, 10, 1), walked(510, -4, 2), walked(530, 6, -3), walked(560, 8, 0)]

@@ -25,7 +25,8 @@ from drake_gait import (
 )
 from drake_gait.cli.optimize import main as optimize
 from drake_gait.errors import SettingsError, StudyError, WorkerError
-from drake_gait.report.study_result import with_frames
+from drake_gait.report.study_result import as_written_today
+from drake_gait.report.tables import quantities
 from drake_gait.search.confirmation import walked_as
 from drake_gait.study.search_settings import ConfirmationSettings, SearchSettings
 
@@ -301,9 +302,16 @@ def test_a_file_that_is_no_result_is_named_with_the_cure(tmp_path, content):
 def test_the_result_of_a_committed_study_is_read_and_written_as_it_is(repository, name):
     folder = repository / "studies" / name
     result = StudyResult.read(folder)
-    known = with_frames(json.loads((folder / "result.json").read_bytes()))
+    known = as_written_today(json.loads((folder / "result.json").read_bytes()))
     for key, value in known.items():
-        if key not in ("finalists", "measures", "coefficients_deg", "com_height_mm", "yaw_deg"):
+        if key not in (
+            "finalists",
+            "measures",
+            "coefficients_deg",
+            "com_height_mm",
+            "yaw_deg",
+            "yaw_swing",
+        ):
             same = pytest.approx(value, rel=1e-12) if isinstance(value, float) else value
             assert result.plain()[key] == same, key
     assert result.winner.id == known["winner"]
@@ -320,6 +328,23 @@ def test_a_result_that_calls_frames_steps_is_read_as_one_that_does_not(settings,
     path.write_text(now.replace('"frames"', '"steps"'))
     assert path.read_text() != now
     assert StudyResult.read(tmp_path).plain() == result.plain()
+
+
+def test_a_result_that_has_the_range_of_the_heading_among_the_measures_is_read_too(repository):
+    older = {"energy": 7.0, "yaw_swing": 0.31}
+    content = {"measures": older, "best": {"walk": {"yaw_swing": None, "measures": older}}}
+    content["finalists"] = [{"walk": 3, "measures": older}]
+    today = as_written_today(content)
+    for one in (today, today["best"]["walk"], today["finalists"][0]):
+        assert (one["yaw_swing"], one["measures"]) == (0.31, {"energy": 7.0})
+    assert quantities(today)["yaw_swing"] == 0.31
+    assert as_written_today(today) == today
+    kept = json.loads((repository / "studies" / "best" / "result.json").read_bytes())
+    assert "yaw_swing" in kept["measures"]
+    assert (
+        StudyResult.read(repository / "studies" / "best").finalists[0].yaw_swing
+        == (kept["finalists"][0]["measures"]["yaw_swing"])
+    )
 
 
 @pytest.mark.slow

@@ -167,7 +167,6 @@ def test_a_file_names_the_file_of_its_quantities(study_file, tmp_path):
     assert settings.constraints.sway == pytest.approx(0.04)
     assert settings.constraints.pair == [-1.0, 2.0]
     assert str(settings.search.objective) == "maximise sway"
-    assert settings.trial_settings == settings.walk
     written = tmp_path / "elsewhere"
     written.mkdir()
     (written / "study.toml").write_text(study_toml(settings))

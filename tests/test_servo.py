@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_gait.errors import SettingsError
-from drake_gait.servo import Servo
+from drake_gait.servo import CREEP, Servo
 
 FIELDS = [field.name for field in dataclasses.fields(Servo)]
 
@@ -48,6 +48,38 @@ def test_a_servo_is_ideal_unless_it_is_told_otherwise():
     assert (Servo().friction_torque(motors, speeds) == 0.0).all()
     assert (Servo().engaged(motors) == motors).all()
     assert (Servo().delay, Servo().voltage) == (0.0, 1.0)
+
+
+@given(supply=st.floats(0.5, 2.0), share=st.floats(-1.0, 1.0))
+def test_a_motor_s_torque_falls_from_the_stall_torque_to_nothing_at_its_no_load_speed(
+    supply, share
+):
+    servo, stall = Servo(), np.array([supply * STALL_TORQUE])
+    speed = share * supply * servo.no_load_speed
+    back_emf = servo.back_emf(stall, supply)
+    full = servo.controller_torque(np.array([10.0]), speed, stall)
+    assert full == pytest.approx(stall)
+    # Driven in its own direction it has less, turned against it more than its stall torque.
+    assert servo.motor_torque(full, speed, back_emf) == pytest.approx((1.0 - share) * stall)
+
+
+@given(
+    error=st.floats(-1.0, 1.0),
+    speed=st.floats(-9.0, 9.0),
+    friction=st.floats(0.0, 0.2),
+    share=st.floats(0.0, 0.5),
+)
+def test_the_law_of_a_servo_is_that_of_its_page(error, speed, friction, share):
+    # torque = motor - (coulomb_friction + load_friction * |motor|) * clip(v / CREEP, ± 1)
+    servo, stall = Servo(coulomb_friction=friction, load_friction=share), np.array(STALL_TORQUE)
+    controller = servo.controller_torque(error, speed, stall)
+    motor = servo.motor_torque(controller, speed, servo.back_emf(stall))
+    spring = max(-STALL_TORQUE, min(STALL_TORQUE, 20.0 * error - 0.2 * speed))
+    expected = spring - STALL_TORQUE * speed / 7.48
+    assert float(controller) == pytest.approx(spring)
+    assert float(motor) == pytest.approx(expected)
+    held = (friction + share * abs(expected)) * max(-1.0, min(1.0, speed / CREEP))
+    assert float(servo.joint_torque(motor, np.array(speed))) == pytest.approx(expected - held)
 
 
 @given(

@@ -22,11 +22,12 @@ from numpy.typing import NDArray
 
 from drake_gait.search.acquisition import Acquisition
 from drake_gait.search.proposer import training_data
+from drake_gait.study.ranking import search_walks
 from drake_gait.study.settings import study_settings
 from drake_gait.study.store import Study
 from drake_gait.surrogates import ensemble as surrogate
 from drake_gait.surrogates.baselines import area_under_curve, kriging
-from drake_gait.surrogates.ensemble import Prediction
+from drake_gait.surrogates.prediction import Prediction
 from drake_gait.surrogates.residual_gp import KrigedNetwork
 
 FIRST, EVERY, FEWEST = 300, 3, 5
@@ -37,7 +38,7 @@ def read(folder: Path) -> tuple[list[dict[str, list[float]]], tuple[str, ...]]:
     """Scores by name at every point of a study, and the outputs that they are of."""
     with Study.open(folder) as study:
         settings = study_settings(study.description()["settings"])
-        walks = [walk for walk in study.walks() if walk.is_search_walk]
+        walks = search_walks(study.walks())
     x, outputs, survived = training_data(walks, settings.space, settings.outputs)
     feasible = np.array([settings.assess(walk.walk).feasible for walk in walks])
     batch, found = settings.search.batch, []

@@ -163,7 +163,7 @@ def slip(candidates: Sequence[Candidate], base: WalkSettings, soles: Sequence[So
     rows = {}
     for sole in soles:
         for name, contact in SLIDING.get(sole, {}).items():
-            walk = replace(base, sole=sole, contact=contact, integrator=FINE, measures=True)
+            walk = replace(base, sole=sole, contact=contact, integrator=FINE)
             rows[f"{sole}, {name}"] = walk_all(candidates, walk).walks
     alive = np.all([[walk.survived for walk in walks] for walks in rows.values()], axis=0)
     print(f"{alive.sum()} of {len(candidates)} gaits survive all")

@@ -41,13 +41,17 @@ UNITS = {
     "cost_of_transport": ("", 1.0),
     "peak_torque": ("N·m", 1.0),
     "peak_speed": ("rad/s", 1.0),
+    "driving_torque": ("N·m", 1.0),
+    "braking_torque": ("N·m", 1.0),
+    "driving_speed": ("rad/s", 1.0),
+    "braking_speed": ("rad/s", 1.0),
+    "line_share": ("%", 100.0),
     "saturated_fraction": ("%", 100.0),
     "slip": ("mm", 1e3),
     "clearance": ("mm", 1e3),
     "duty_factor": ("%", 100.0),
     "peak_ground_reaction": ("weights", 1.0),
     "toe_range": ("degrees", np.degrees(1.0)),
-    "yaw_swing": ("degrees", np.degrees(1.0)),
     "torso_tilt": ("degrees", np.degrees(1.0)),
 }
 
@@ -85,9 +89,12 @@ def bands(walks: Sequence[tuple[Candidate, WalkSettings]]) -> None:
         )
         known = np.isfinite(ours) & np.isfinite(exact)
         difference = np.abs(ours - exact)[known]
-        print(f"| {field.name} | {UNITS[field.name][0]} | {np.median(exact[known]):.3g} | "
-              f"{np.median(difference):.2g} | {np.percentile(difference, 95):.2g} | "
-              f"{difference.max():.2g} |", flush=True)  # fmt: skip
+        print(
+            f"| {field.name} | {UNITS[field.name][0]} | {np.median(exact[known]):.3g} | "
+            f"{np.median(difference):.2g} | {np.percentile(difference, 95):.2g} | "
+            f"{difference.max():.2g} |",
+            flush=True,
+        )
 
 
 def cost(candidates: Sequence[Candidate], settings: WalkSettings) -> None:
@@ -111,9 +118,11 @@ def cost(candidates: Sequence[Candidate], settings: WalkSettings) -> None:
         bare = {}
         for logged in (False, True) if number % 2 else (True, False):
             robot, context = simulation.prepare(
-                candidate.gait.commands_from(settings.start), candidate.foot, settings,
+                candidate.gait.commands_from(settings.start),
+                candidate.foot,
+                settings,
                 logged=logged,
-            )  # fmt: skip
+            )
             start = time.thread_time()
             simulator = simulation.start(robot.diagram, context, settings.stepping)
             simulator.AdvanceTo(FRAMES * FRAME_TIME, interruptible=False)
@@ -132,9 +141,11 @@ def cost(candidates: Sequence[Candidate], settings: WalkSettings) -> None:
 
 def winners(found: dict[str, tuple[Candidate, WalkSettings]]) -> None:
     """Print the manner of winners, from the log and exactly."""
-    print("\n| winner | from | forward mm | slip mm | % of the distance | clearance mm | "
-          "peak torque N·m | peak speed rad/s | tilt degrees | duty % |\n"
-          "|---|---|---|---|---|---|---|---|---|---|")  # fmt: skip
+    print(
+        "\n| winner | from | forward mm | slip mm | % of the distance | clearance mm | "
+        "peak torque N·m | peak speed rad/s | tilt degrees | duty % |\n"
+        "|---|---|---|---|---|---|---|---|---|---|"
+    )
     for name, (candidate, settings) in found.items():
         walk, exact = simulation.measured_at_every_step(candidate, settings)
         for source, measures in (("log", walk.measures), ("exact", exact)):
@@ -143,20 +154,29 @@ def winners(found: dict[str, tuple[Candidate, WalkSettings]]) -> None:
             cells = [
                 ", ".join(f"{value:.{digits}f}" for value in numbers(measures, key))
                 for key, digits in (
-                    ("slip", 1), ("clearance", 2), ("peak_torque", 3), ("peak_speed", 2),
-                    ("torso_tilt", 1), ("duty_factor", 0),
+                    ("slip", 1),
+                    ("clearance", 2),
+                    ("peak_torque", 3),
+                    ("peak_speed", 2),
+                    ("torso_tilt", 1),
+                    ("duty_factor", 0),
                 )
-            ]  # fmt: skip
+            ]
             share = 100.0 * max(measures.slip) / walk.forward
-            print(f"| {name} | {source} | {1e3 * walk.forward:.0f} | {cells[0]} | {share:.1f} | "
-                  f"{' | '.join(cells[1:])} |", flush=True)  # fmt: skip
+            print(
+                f"| {name} | {source} | {1e3 * walk.forward:.0f} | {cells[0]} | {share:.1f} | "
+                f"{' | '.join(cells[1:])} |",
+                flush=True,
+            )
 
 
 def definitions(found: dict[str, tuple[Candidate, WalkSettings]]) -> None:
     """Print slip by its definition, and as other definitions count it."""
-    print("\n| winner | foot | at the centre of load mm | at the middle of the heel mm | "
-          "mean of the touching corners mm | turning of the loaded foot degrees |\n"
-          "|---|---|---|---|---|---|")  # fmt: skip
+    print(
+        "\n| winner | foot | at the centre of load mm | at the middle of the heel mm | "
+        "mean of the touching corners mm | turning of the loaded foot degrees |\n"
+        "|---|---|---|---|---|---|"
+    )
     for name, (candidate, settings) in found.items():
         commands = candidate.gait.commands_from(settings.start)
         robot, context = simulation.prepare(commands, candidate.foot, settings)
@@ -195,10 +215,12 @@ def definitions(found: dict[str, tuple[Candidate, WalkSettings]]) -> None:
             cells = [
                 f"{factor * np.trapezoid(speed, seen):.{digits}f}"
                 for speed, factor, digits in (
-                    (centre, 1e3, 1), (middle, 1e3, 1), (corners, 1e3, 1),
+                    (centre, 1e3, 1),
+                    (middle, 1e3, 1),
+                    (corners, 1e3, 1),
                     (turning, np.degrees(1.0), 0),
                 )
-            ]  # fmt: skip
+            ]
             print(f"| {name} | {side} | {' | '.join(cells)} |", flush=True)
 
 

@@ -38,9 +38,17 @@ from drake_gait.walk import Engine, Fidelity, Integrator, Walk, WalkSettings
 Walker = Callable[[Candidate], Walk]
 
 HEADINGS = (
-    "walks", "CPU s", "survive", "same", "Z r (mm)", "X r (mm)", "R r (deg)", "X mm", "R deg",
+    "walks",
+    "CPU s",
+    "survive",
+    "same",
+    "Z r (mm)",
+    "X r (mm)",
+    "R r (deg)",
+    "X mm",
+    "R deg",
     "same side",
-)  # fmt: skip
+)
 
 
 def finalists_of(runs: Sequence[Path]) -> list[Candidate]:
@@ -50,10 +58,8 @@ def finalists_of(runs: Sequence[Path]) -> list[Candidate]:
         with Study.open(run / "study.db") as study:
             settings, walks = study_settings(study.description()["settings"]), study.walks()
         found += [
-            one.walk.candidate
-            for one in finalists(settings, walks)
-            if one.tier >= Tier.REPEATS
-        ]  # fmt: skip
+            one.walk.candidate for one in finalists(settings, walks) if one.tier >= Tier.REPEATS
+        ]
     return found
 
 

@@ -29,6 +29,7 @@ from drake_gait.walk import Measures
 
 _VARIATIONS = 2  # One on more slippery ground, one on less.
 _SHOWN = ("yaw_swing", "slip", "torso_tilt", "peak_ground_reaction")
+_NAMES = (*(field.name for field in fields(Measures)), "yaw_swing")
 
 
 def scattered(folder: Path) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -49,7 +50,7 @@ def scattered(folder: Path) -> tuple[FloatArray, FloatArray, FloatArray]:
                 np.degrees(np.ptp([walk.yaw for walk in walked])),
             ]
         )
-        measures.append([quantity(again, field.name) for field in fields(Measures)])
+        measures.append([quantity(again, name) for name in _NAMES])
     found = np.array(ranges).reshape(-1, 3)
     return found, np.log(found[:, 1] / 20.0 + found[:, 2] / 5.0), np.array(measures)
 
@@ -58,7 +59,6 @@ def main() -> None:
     """Print both tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN", help="folder of a study")
-    names = [field.name for field in fields(Measures)]
     studies = []
     columns = ["study", "candidates", "Z [mm]", "range of X [mm]", "of yaw [deg]"]
     columns += ["yaw swing [deg]", "slip [mm]", "tilt [deg]", "peak reaction [weights]"]
@@ -68,14 +68,14 @@ def main() -> None:
         studies.append((scatter, measures))
         units = (np.degrees(1.0), 1e3, np.degrees(1.0), 1.0)
         shown = [
-            unit * np.median(measures[:, names.index(name)])
+            unit * np.median(measures[:, _NAMES.index(name)])
             for name, unit in zip(_SHOWN, units, strict=True)
         ]
         cells = (f"{value:.1f}" for value in (*np.median(ranges, axis=0), *shown))
         print(row([f"{run.parent.name}/{run.name}", len(ranges), *cells]), flush=True)
     medians = [np.median(scatter) for scatter, _ in studies]
     print(f"\n{heading(['measure', 'between studies', 'within one'])}")
-    for column, name in enumerate(names):
+    for column, name in enumerate(_NAMES):
         between = spearmanr([np.median(found[:, column]) for _, found in studies], medians)
         within = np.median(
             [spearmanr(found[:, column], scatter).statistic for scatter, found in studies]

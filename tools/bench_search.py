@@ -45,7 +45,7 @@ from drake_gait.search.recommendation import recommended
 from drake_gait.search.seeding import Purpose, generator
 from drake_gait.simulation.simulate import walk_trial
 from drake_gait.study.finalists import winner
-from drake_gait.study.ranking import Sample, best_walk, nominal_walks, sample
+from drake_gait.study.ranking import Sample, best_walk, nominal_walks, sample, search_walks
 from drake_gait.study.reading import default_study, read_override, read_study
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.search_settings import Mode
@@ -150,7 +150,7 @@ def fresh(settings: StudySettings, candidate: Candidate, number: int, fidelity: 
     gait = candidate.gait
     noise = generator(0, Purpose.TRUST, number).standard_normal(gait.coefficients.shape)
     moved = gait.coefficients + settings.confirmation.noise * noise
-    ground = on_ground(settings.trial_settings, settings, end_of_variation(number))
+    ground = on_ground(settings.walk, settings, end_of_variation(number))
     return walk_trial(
         Trial(
             candidate=replace(candidate, gait=replace(gait, coefficients=moved)),
@@ -161,16 +161,15 @@ def fresh(settings: StudySettings, candidate: Candidate, number: int, fidelity: 
 
 def samples_of(settings: StudySettings, walks: Sequence[StudyWalk]) -> list[Sample]:
     """Samples of a study's search, each of the walks of one candidate."""
-    searched = [walk for walk in walks if walk.is_search_walk]
     own: dict[int, list[StudyWalk]] = {}
-    for walk in searched:
+    for walk in search_walks(walks):
         own.setdefault(walk.id if walk.nominal is None else walk.nominal, []).append(walk)
     return [sample(number, group, settings) for number, group in enumerate(own.values())]
 
 
 def z50_of(settings: StudySettings, walks: Sequence[StudyWalk]) -> dict[str, Any]:
     """The distance at which half of the feasible candidates hold with noise, on both grounds."""
-    searched = nominal_walks([walk for walk in walks if walk.is_search_walk])
+    searched = nominal_walks(walks)
     feasible = [walk for walk in searched if settings.assess(walk.walk).feasible]
     feasible.sort(key=lambda walk: walk.walk.forward)
     places = np.unique(np.linspace(0, len(feasible) - 1, STRATA).astype(int)) if feasible else []
@@ -181,8 +180,11 @@ def z50_of(settings: StudySettings, walks: Sequence[StudyWalk]) -> dict[str, Any
             walk = fresh(settings, one.candidate, number, settings.walk.fidelity)
             distance.append(1e3 * one.walk.forward)
             held.append(settings.assess(walk).feasible)
-    return {"z50_mm": half_hold(np.array(distance), np.array(held)), "held": int(np.sum(held)),
-            "walks": len(held)}  # fmt: skip
+    return {
+        "z50_mm": half_hold(np.array(distance), np.array(held)),
+        "held": int(np.sum(held)),
+        "walks": len(held),
+    }
 
 
 def half_hold(distance: np.ndarray, held: np.ndarray) -> float:
@@ -217,9 +219,19 @@ def table(found: dict[str, list[dict[str, float]]]) -> str:
         "walk_s",
         "own_s",
     )
-    head = ("arm", "seeds", "trusted [mm]", "trusted winners", "first recommended, trusted [mm]",
-            "the same at the search's step [mm]", "best single walk [mm]", "Z50 [mm]",
-            "walks, CPU [s]", "own, CPU [s]", "p against the first arm")  # fmt: skip
+    head = (
+        "arm",
+        "seeds",
+        "trusted [mm]",
+        "trusted winners",
+        "first recommended, trusted [mm]",
+        "the same at the search's step [mm]",
+        "best single walk [mm]",
+        "Z50 [mm]",
+        "walks, CPU [s]",
+        "own, CPU [s]",
+        "p against the first arm",
+    )
     lines = [f"| {' | '.join(head)} |", "|" + "---|" * len(head)]
     first = next(iter(found.values()))
     for arm, runs in found.items():
@@ -243,7 +255,7 @@ def figures(settings: StudySettings, folder: Path) -> dict[str, float]:
     with Study.open(folder) as study:
         walks, known = study.walks(), study.description()
     told = json.loads((folder / "trusted.json").read_text())
-    searched = nominal_walks([walk for walk in walks if walk.is_search_walk])
+    searched = nominal_walks(walks)
     single = [1e3 * one.walk.forward for one in searched if settings.assess(one.walk).feasible]
     found = {
         "winner": told["winner"]["converged"]["trusted_mm"],
@@ -261,7 +273,7 @@ def figures(settings: StudySettings, folder: Path) -> dict[str, float]:
 def best_after(folder: Path, settings: StudySettings) -> np.ndarray:
     """Best feasible distance [mm] after 1, 2, ... walks; 0 for none yet."""
     with Study.open(folder) as study:
-        walks = [walk for walk in study.walks() if walk.is_search_walk]
+        walks = search_walks(study.walks())
     found = [
         1e3 * walk.walk.forward if settings.assess(walk.walk).feasible else 0.0 for walk in walks
     ]

@@ -26,6 +26,7 @@ from sklearn.ensemble import RandomForestRegressor
 from sklearn.preprocessing import PolynomialFeatures
 
 from drake_gait.search.proposer import training_data
+from drake_gait.study.ranking import search_walks
 from drake_gait.study.reading import default_study, read_study
 from drake_gait.study.store import Study
 from drake_gait.surrogates import ensemble as surrogate
@@ -53,9 +54,7 @@ def read(folders: Sequence[Path], study: Path, *, every: bool) -> Data:
     for folder in folders:
         with Study.open(folder) as opened:
             walks += [
-                walk
-                for walk in opened.walks()
-                if walk.is_search_walk and (every or walk.stage == "design")
+                walk for walk in search_walks(opened.walks()) if every or walk.stage == "design"
             ]
     return training_data(walks, space, OUTPUTS)
 

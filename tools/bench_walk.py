@@ -143,8 +143,10 @@ def compare(one: Batch, other: Batch) -> str:
 def integrators(pool: ProcessPoolExecutor, candidates: list[Candidate], walk: WalkSettings) -> None:
     """Print how integrators compare with the reference."""
     reference = run(pool, candidates, replace(walk, fidelity=Fidelity.REFERENCE))
-    print("\n| integrator | same survival | Z r (mm) | X r (mm) | yaw r (deg) | survive "
-          "| CPU s / completed walk | walks/s |")  # fmt: skip
+    print(
+        "\n| integrator | same survival | Z r (mm) | X r (mm) | yaw r (deg) | survive "
+        "| CPU s / completed walk | walks/s |"
+    )
     print("|---|---|---|---|---|---|---|---|")
     print_row(REFERENCE, "–| – | – | –", reference)
     for name, integrator in INTEGRATORS.items():
@@ -157,8 +159,10 @@ def print_row(name: str, cells: str, batch: Batch) -> None:
     completed = batch.cpu[batch.survived]
     median = np.median(completed) if len(completed) else np.nan
     rate = len(batch.walks) / batch.elapsed
-    print(f"| {name} | {cells} | {100 * batch.survived.mean():.0f} % | {median:.3f} | {rate:.1f} |",
-          flush=True)  # fmt: skip
+    print(
+        f"| {name} | {cells} | {100 * batch.survived.mean():.0f} % | {median:.3f} | {rate:.1f} |",
+        flush=True,
+    )
 
 
 def feasible(
@@ -190,9 +194,11 @@ def servo(pool: ProcessPoolExecutor, candidates: list[Candidate], settings: Stud
         good = [assess(walk, settings.constraints).feasible for walk in batch.walks]
         forward = batch.numbers[batch.survived, 0]
         relation = compare(batch, base).split(" | ")[1]
-        print(f"| {stiffness:g} | {damping:g} | {100 * batch.survived.mean():.0f} % | "
-              f"{100 * np.mean(good):.0f} % | {np.median(forward):.0f} | {relation} |",
-              flush=True)  # fmt: skip
+        print(
+            f"| {stiffness:g} | {damping:g} | {100 * batch.survived.mean():.0f} % | "
+            f"{100 * np.mean(good):.0f} % | {np.median(forward):.0f} | {relation} |",
+            flush=True,
+        )
 
 
 def convergence(
@@ -208,16 +214,24 @@ def convergence(
         "search, coefficients + 1e-6 deg": (run(pool, shifted(chosen, 1e-6, seed), walk), base),
         "search, coefficients ± 0.05 deg": (run(pool, shifted(chosen, 0.05, seed), walk), base),
         "search, half the step (2 ms)": (
-            run(pool, chosen, replace(walk, integrator=Integrator(step=0.002))), base),
+            run(pool, chosen, replace(walk, integrator=Integrator(step=0.002))),
+            base,
+        ),
         "search, a quarter (1 ms)": (
-            run(pool, chosen, replace(walk, integrator=Integrator(step=0.001))), base),
+            run(pool, chosen, replace(walk, integrator=Integrator(step=0.001))),
+            base,
+        ),
         "reference (1e-4)": (exact, base),
         "reference, 1e-5 instead of 1e-4": (run(pool, chosen, tight), exact),
         "reference, coefficients + 1e-6 deg": (
-            run(pool, shifted(chosen, 1e-6, seed), reference), exact),
+            run(pool, shifted(chosen, 1e-6, seed), reference),
+            exact,
+        ),
         "reference, coefficients ± 0.05 deg": (
-            run(pool, shifted(chosen, 0.05, seed), reference), exact),
-    }  # fmt: skip
+            run(pool, shifted(chosen, 0.05, seed), reference),
+            exact,
+        ),
+    }
     print(f"\n{len(chosen)} feasible walks; differences: median (90th percentile)\n")
     print("| changed | same survival | Z mm | X mm | yaw deg |\n|---|---|---|---|---|")
     for name, (changed, original) in rows.items():
@@ -264,9 +278,11 @@ def overhead(
         # The least of each: what else runs on the machine only ever adds.
         ratios.append(min(full_time) / min(bare_time))
         times.append(min(full_time))
-    print(f"\nsimulate() / bare stepping: {np.median(ratios):.3f} "
-          f"({min(ratios):.3f} to {max(ratios):.3f}), {np.median(times):.3f} CPU s",
-          flush=True)  # fmt: skip
+    print(
+        f"\nsimulate() / bare stepping: {np.median(ratios):.3f} "
+        f"({min(ratios):.3f} to {max(ratios):.3f}), {np.median(times):.3f} CPU s",
+        flush=True,
+    )
 
 
 def workers(candidates: list[Candidate], walk: WalkSettings, starts: int = 5) -> None:
@@ -277,15 +293,22 @@ def workers(candidates: list[Candidate], walk: WalkSettings, starts: int = 5) ->
         start = time.perf_counter()
         subprocess.run([sys.executable, "-c", "import drake_gait.simulation.simulate"], check=True)
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        cold.append((time.perf_counter() - start, after.ru_utime + after.ru_stime
-                     - before.ru_utime - before.ru_stime))  # fmt: skip
+        cold.append(
+            (
+                time.perf_counter() - start,
+                after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime,
+            )
+        )
     peak = 0.0
     with LocalProcesses(functools.partial(simulation.simulate, settings=walk), count=1) as one:
         for _ in one.run(candidates):
             peak = max(peak, *map(high_water, children(os.getpid())))
     elapsed, cpu = np.median(cold, axis=0)
-    print(f"\na worker starts in {elapsed:.2f} s ({cpu:.2f} CPU s, median of {starts}); "
-          f"at most {peak:.0f} MB over {len(candidates)} walks", flush=True)  # fmt: skip
+    print(
+        f"\na worker starts in {elapsed:.2f} s ({cpu:.2f} CPU s, median of {starts}); "
+        f"at most {peak:.0f} MB over {len(candidates)} walks",
+        flush=True,
+    )
 
 
 def high_water(process: int) -> float:

@@ -6,7 +6,6 @@ limit has a line of its own, and further figures say how the survivors walk.
 """
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -29,11 +28,10 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=cores())
     options = parser.parse_args()
     settings, candidates = walks_of_box(options.study, options.walks, options.seed)
-    how = replace(settings.walk, measures=True)
     trials = [
         Trial(
             candidate=candidate,
-            settings=on_ground(how, settings, end_of_proposal(settings, 0, number)),
+            settings=on_ground(settings.walk, settings, end_of_proposal(settings, 0, number)),
         )
         for number, candidate in enumerate(candidates)
     ]
@@ -54,7 +52,7 @@ def main() -> None:
         "slip, worse foot [mm]": [1e3 * max(walk.measures.slip) for walk in survivors],
         "clearance, worse [mm]": [1e3 * min(walk.measures.clearance) for walk in survivors],
         "duty factor": [np.mean(walk.measures.duty_factor) for walk in survivors],
-        "yaw swing [deg]": [np.degrees(walk.measures.yaw_swing) for walk in survivors],
+        "yaw swing [deg]": [np.degrees(walk.yaw_swing) for walk in survivors],
         "peak torque [N·m]": [walk.measures.peak_torque for walk in survivors],
     }
     print("survivors: median (10th to 90th percentile)")

@@ -1,13 +1,17 @@
-"""Write models/khr3hv.sdf and models/khr3hv_cad.sdf from one table: `python tools/make_models.py`.
+"""Write the robots in models/ from tables: `python tools/make_models.py`.
 
-Link masses, centres of mass, inertias and joint origins are those of a public CAD model of the
-KHR-3HV (MIT licence). They are given in the upright pose: x forward, y left of the mid-plane, z
-above the sole. The foot is the paper's (section II.B): a heel plate and two sprung toes side by
-side, on the outline of the real foot. Nothing here is imported by the package.
+All lengths are those of the upright pose: x forward, y left of the mid-plane, z above the sole.
+Nothing here is imported by the package.
+
+Link masses, centres of mass, inertias and joint origins of `khr3hv.sdf` and `khr3hv_cad.sdf` are
+those of a public CAD model of the KHR-3HV (MIT licence). The foot is the paper's (section II.B): a
+heel plate and two sprung toes side by side, on the outline of the real foot.
 
 `khr3hv.sdf` splits 1.5 kg between body and legs. Its standing centre of mass is 245.0 mm above the
 ground: there the paper's limit of 243.53 mm means 'upright'. `khr3hv_cad.sdf` keeps the CAD's own
 distribution, scaled to 1.5 kg.
+
+`op3.sdf` is the ROBOTIS OP3; the sources of its figures stand above its table.
 """
 
 import argparse
@@ -488,40 +492,81 @@ def add_contact(collision: ElementTree.Element, friction: tuple[float, float]) -
     element(contact, "drake:mu_dynamic", friction[1])
 
 
-def add_joint(
-    model: ElementTree.Element, name: str, parent: str, child: str, axis: Vector, degrees: Vector
-) -> None:
-    """Append one hinge: a servo's, or a toe's with its torsion spring."""
+def add_hinge(
+    model: ElementTree.Element, name: str, parent: str, child: str, axis: Vector
+) -> tuple[ElementTree.Element, ElementTree.Element]:
+    """Append a hinge without limits; returns the joint and its axis."""
     joint = element(model, "joint", name=name, type="revolute")
     element(joint, "parent", parent)
     element(joint, "child", child)
     hinge = element(joint, "axis")
     element(hinge, "xyz", numbers(axis))
+    return joint, hinge
+
+
+def add_limit(hinge: ElementTree.Element, lower: float, upper: float, effort: float) -> None:
+    """Append the stops of a hinge [rad] and what its servo can hold [N·m], 0 without a servo."""
     limit = element(hinge, "limit")
-    toe = "toe" in name
-    # Only the toes have mechanical stops; the servos' commands are held in Table I's ranges.
-    lower, upper = (math.radians(value) for value in degrees) if toe else (-math.pi, math.pi)
     element(limit, "lower", lower)
     element(limit, "upper", upper)
-    element(limit, "effort", 0.0 if toe else STALL_TORQUE)
-    dynamics = element(hinge, "dynamics")
-    if toe:
+    element(limit, "effort", effort)
+
+
+def add_rotor(joint: ElementTree.Element, inertia: float) -> None:
+    """Append a servo's inertia [kg·m²], all of it as it acts at the joint: a gear ratio of one."""
+    element(joint, "drake:rotor_inertia", inertia)
+    element(joint, "drake:gear_ratio", 1.0)
+
+
+def add_joint(
+    model: ElementTree.Element,
+    name: str,
+    parent: str,
+    child: str,
+    axis: Vector,
+    degrees: tuple[float, float],
+) -> None:
+    """Append one hinge of the KHR-3HV: a servo's, or a toe's with its torsion spring."""
+    joint, hinge = add_hinge(model, name, parent, child, axis)
+    if "toe" in name:
+        lower, upper = (math.radians(value) for value in degrees)
+        add_limit(hinge, lower, upper, 0.0)
+        dynamics = element(hinge, "dynamics")
         big = name.startswith("big")
         stiffness = PAPER_BIG_TOE_STIFFNESS if big else PAPER_LESSER_TOES_STIFFNESS
         element(dynamics, "damping", TOE_DAMPING)
         element(dynamics, "spring_reference", 0.0)
         element(dynamics, "spring_stiffness", stiffness)
     else:
-        # The whole inertia as it acts at the joint, hence a gear ratio of one.
-        element(joint, "drake:rotor_inertia", REFLECTED_ROTOR_INERTIA)
-        element(joint, "drake:gear_ratio", 1.0)
+        # Only the toes have mechanical stops; the servos' commands are held in Table I's ranges.
+        add_limit(hinge, -math.pi, math.pi, STALL_TORQUE)
+        element(hinge, "dynamics")
+        add_rotor(joint, REFLECTED_ROTOR_INERTIA)
+
+
+def new_model(name: str, *comments: str) -> tuple[ElementTree.Element, ElementTree.Element]:
+    """Begin a file; returns its root and the model."""
+    root = ElementTree.Element("sdf", {"version": "1.9", "xmlns:drake": "http://drake.mit.edu"})
+    for comment in comments:
+        root.append(ElementTree.Comment(comment))
+    return root, element(root, "model", name=name)
+
+
+def written(root: ElementTree.Element, model: ElementTree.Element, links: Iterable[str]) -> str:
+    """Return the text of a file whose links do not touch each other."""
+    # The upper body is fixed and equal roll angles keep the feet apart: a robot that has not
+    # fallen does not touch itself.
+    group = element(model, "drake:collision_filter_group", name="robot")
+    for name in links:
+        element(group, "drake:member", name)
+    element(group, "drake:ignored_collision_filter_group", "robot")
+    ElementTree.indent(root)
+    return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
 def sdf(masses: dict[str, Mass], comment: str) -> str:
-    """The whole robot as SDF text."""
-    root = ElementTree.Element("sdf", {"version": "1.9", "xmlns:drake": "http://drake.mit.edu"})
-    root.append(ElementTree.Comment(comment))
-    model = element(root, "model", name="khr3hv")
+    """The KHR-3HV as SDF text."""
+    root, model = new_model("khr3hv", comment)
     shapes = link_shapes()
     torso_origin = np.array([0.01141, 0.0, 0.23490])
     add_link(model, "torso", torso_origin, masses["torso"], shapes["torso"])
@@ -533,14 +578,236 @@ def sdf(masses: dict[str, Mass], comment: str) -> str:
         for joint, parent, child, _, axis, degrees in JOINTS:
             above = parent if parent == "torso" else f"{parent}_{side}"
             add_joint(model, f"{joint}_{side}", above, f"{child}_{side}", axis, degrees)
-    # The upper body is fixed and equal roll angles keep the feet apart: a robot that has not
-    # fallen does not touch itself.
-    group = element(model, "drake:collision_filter_group", name="robot")
-    for name in masses:
-        element(group, "drake:member", name)
-    element(group, "drake:ignored_collision_filter_group", "robot")
-    ElementTree.indent(root)
-    return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
+    return written(root, model, masses)
+
+
+# --- ROBOTIS OP3 ----------------------------------------------------------------------------------
+#
+# Sources; the figures were taken, no code and no mesh:
+#
+# Masses, inertias, joints' origins, axes, ranges, names: op3_description/urdf in
+#     github.com/ROBOTIS-GIT/ROBOTIS-OP3-Common, commit 0780e54c (Apache 2.0), from ROBOTIS' CAD.
+# Boxes: the bounds of its meshes, to 1 mm. Where none could be read (body, and the pairs of servos
+#     at hip and ankle) the homogeneous box with the link's inertia.
+# Sole, its friction, rotor inertia (armature): robotis_op3/op3.xml in
+#     github.com/google-deepmind/mujoco_menagerie, commit 361161b2 (Apache 2.0). The sole there is
+#     two boxes, of 127 x 56 and 114 x 78 mm; it is one of 127 x 78 mm here.
+# Servo: XM430-W350 at 12.0 V, emanual.robotis.com/docs/en/dxl/x/xm430-w350.
+# Height of about 510 mm, weight of about 3.5 kg: emanual.robotis.com/docs/en/platform/op3/.
+#
+# The links of the URDF weigh 3.147 kg, 10 % less than the manual's figure. Where the rest sits is
+# not published, so nothing is added. Head and arms are part of the torso; the arms hang down.
+# Body and head are up to 0.4 mm off the mid-plane. They are made symmetrical, so that a mirrored
+# gait walks a mirrored path.
+
+OP3_STALL_TORQUE = 4.1  # N·m
+OP3_ROTOR_INERTIA = 0.045  # kg·m² at the joint
+OP3_RANGE = 0.9 * math.pi  # rad
+OP3_PAIR_FRICTION = (1.0, 1.0)
+OP3_BODY_FRICTION = (0.2, 0.2)  # Of all links but the feet in ROBOTIS' Gazebo settings.
+OP3_BODY_HEIGHT = 0.0285 + 0.11015 + 0.110 + 0.0305  # m; hips' yaw joints above the sole.
+
+# joint, origin of the left one in its parent [m], axis on the left, axis on the right.
+OP3_JOINTS: tuple[tuple[str, Vector, Vector, Vector], ...] = (
+    ("hip_yaw", (0.0, 0.035, 0.0), (0, 0, -1), (0, 0, -1)),
+    ("hip_roll", (-0.024, 0.0, -0.0285), (-1, 0, 0), (-1, 0, 0)),
+    ("hip_pitch", (0.0241, 0.019, 0.0), (0, 1, 0), (0, -1, 0)),
+    ("knee", (0.0, 0.0, -0.11015), (0, 1, 0), (0, -1, 0)),
+    ("ank_pitch", (0.0, 0.0, -0.110), (0, -1, 0), (0, 1, 0)),
+    ("ank_roll", (-0.0241, -0.019, 0.0), (1, 0, 0), (1, 0, 0)),
+)
+# Rows of `cad` in the link's own frame, on the left; a link has the name of the joint above it.
+OP3_LEFT_LEG = {
+    "hip_yaw": cad(11.81, (-1.57, 0, -7.74), (1.51e-6, 4.30e-6, 4.12e-6), (0, 1e-8, 0)),
+    "hip_roll": cad(
+        178.86,
+        (3.88, 0.28, -12.14),
+        (4.661e-5, 1.2523e-4, 1.0857e-4),
+        (-1.01e-6, -1.31e-6, -6e-8),
+    ),
+    "hip_pitch": cad(
+        115.43,
+        (0.59, -19.01, -84.08),
+        (1.0499e-4, 9.613e-5, 2.493e-5),
+        (-1e-8, -7.1e-7, 3.53e-6),
+    ),
+    "knee": cad(40.15, (0, -21.51, -55.00), (3.715e-5, 2.751e-5, 1.511e-5)),
+    "ank_pitch": cad(
+        178.86,
+        (-20.22, -18.72, 12.14),
+        (4.661e-5, 1.2523e-4, 1.0857e-4),
+        (-1.01e-6, 1.31e-6, 6e-8),
+    ),
+    "ank_roll": cad(
+        69.34,
+        (23.73, 10.37, -27.60),
+        (4.034e-5, 7.874e-5, 1.1579e-4),
+        (-1.9e-7, 1.2e-7, 1.01e-6),
+    ),
+}
+OP3_BODY = cad(
+    1349.28,
+    (-15.01, 0.13, 65.82),
+    (3.40499e-3, 2.96939e-3, 3.17331e-3),
+    (5.72e-6, -4.256e-5, -5.9e-7),
+)
+# Each with the origin of its frame in the body's [m]: neck, then the arm from shoulder to elbow.
+OP3_HEAD = (
+    (
+        cad(11.76, (2.33, 0, 8.23), (3.97e-6, 1.65e-6, 3.87e-6), (0, -3.1e-7, 0)),
+        (-0.001, 0, 0.1365),
+    ),
+    (
+        cad(
+            136.31,
+            (2.30, -18.63, 27.70),
+            (1.0612e-4, 8.721e-5, 4.529e-5),
+            (1.1e-7, -9.10e-6, 8.4e-7),
+        ),
+        (0.009, 0.019, 0.1650),
+    ),
+)
+OP3_SHOULDER = (
+    cad(11.76, (0, 8.23, -2.33), (1.65e-6, 3.87e-6, 3.97e-6), (0, 0, 3.1e-7)),
+    (-0.001, 0.06, 0.111),
+)
+OP3_LEFT_ARM = (  # As they stretch to the left at the joints' zero.
+    (
+        cad(
+            177.58,
+            (-18.44, 45.14, 0.28),
+            (2.2804e-4, 3.042e-5, 2.3474e-4),
+            (-1e-8, 3e-8, 5.9e-7),
+        ),
+        (0.018, 0.0885, 0.101),
+    ),
+    (
+        cad(41.27, (-19.00, 70.33, 3.80), (6.196e-5, 1.231e-5, 6.854e-5), (0, 0, -3.72e-6)),
+        (0.018, 0.1789, 0.1009),
+    ),
+)
+OP3_SHOULDER_ROLL = OP3_LEFT_ARM[0][1]
+HANGING = np.array(
+    [[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]]
+)  # A quarter turn of the shoulder's roll.
+
+OP3_TORSO_SHAPES = (
+    box("body", (-0.070, -0.063, 0.006), (0.040, 0.063, 0.125), WHITE, touch=OP3_BODY_FRICTION),
+    box("neck", (-0.0135, -0.021, 0.1365), (0.019, 0.021, 0.1675), BLACK),
+    box("head", (-0.007, -0.047, 0.154), (0.037, 0.047, 0.2318), GREY, touch=OP3_BODY_FRICTION),
+    box("face", (0.037, -0.040, 0.175), (0.0375, 0.040, 0.225), BLACK),
+    disc("eye_l", "x", (0.0385, 0.020, 0.205), 0.007, 0.002, GLOW),
+    disc("eye_r", "x", (0.0385, -0.020, 0.205), 0.007, 0.002, GLOW),
+    box("badge", (0.040, -0.030, 0.080), (0.041, 0.030, 0.095), BLUE),
+    box("vent", (0.040, -0.030, 0.040), (0.041, 0.030, 0.050), GREY),
+)
+OP3_LEFT_ARM_SHAPES = (
+    box("shoulder", (-0.022, 0.060, 0.091), (0.020, 0.091, 0.1235), BLACK),
+    box("upper_arm", (-0.020, 0.074, 0.0), (0.022, 0.104, 0.112), BLACK, touch=OP3_BODY_FRICTION),
+    box("fore_arm", (-0.022, 0.073, -0.136), (0.020, 0.103, 0.0), WHITE, touch=OP3_BODY_FRICTION),
+)
+# In the link's own frame; the sole is the mesh's lowest face, 30.5 mm under the ankle.
+OP3_LEFT_LEG_SHAPES = {
+    "hip_yaw": (box("bracket", (-0.024, -0.0125, -0.031), (0.021, 0.0125, 0.0), ALUMINIUM),),
+    "hip_roll": (
+        box("servos", (-0.036, -0.016, -0.035), (0.043, 0.016, 0.011), BLACK, OP3_BODY_FRICTION),
+    ),
+    "hip_pitch": (
+        box("thigh", (-0.015, -0.042, -0.121), (0.016, 0.004, 0.002), ALUMINIUM, OP3_BODY_FRICTION),
+        box("thigh_cover", (0.016, -0.034, -0.100), (0.020, -0.004, -0.030), WHITE),
+    ),
+    "knee": (
+        box("shin", (-0.015, -0.042, -0.112), (0.015, 0.002, 0.002), ALUMINIUM, OP3_BODY_FRICTION),
+        box("shin_cover", (0.015, -0.035, -0.100), (0.019, -0.005, -0.020), WHITE),
+    ),
+    "ank_pitch": (box("servos", (-0.060, -0.035, -0.011), (0.019, -0.003, 0.035), BLACK),),
+    "ank_roll": (
+        box(
+            "sole",
+            (-0.0395, -0.0265, -0.0305),
+            (0.0875, 0.0515, -0.0225),
+            GREY,
+            touch=surface_friction(OP3_PAIR_FRICTION),
+        ),
+        box("bracket", (-0.015, -0.015, -0.0225), (0.050, 0.015, 0.0025), ALUMINIUM),
+    ),
+}
+
+OP3_COMMENTS = (
+    "Written by tools/make_models.py: the ROBOTIS OP3, with the sources of its figures there.",
+    """
+    A joint turns by its sign times the KHR-3HV's angle, in which a hip and an ankle flex, a knee
+    bends and rolls lean the legs to the right where positive:
+
+              hip_roll  hip_pitch  knee  ank_pitch  ank_roll
+      l_         -1        -1       +1      +1         -1
+      r_         -1        +1       -1      -1         -1
+
+    The hips' yaw is held at 0. Stand with hips 12, knees 30, ankles 18 degrees.
+    Servo: XM430-W350 at 12.0 V, no-load speed 4.82 rad/s.
+  """,
+)
+
+
+def op3_part(mass: Mass, origin: Vector, turn: np.ndarray | None = None) -> Mass:
+    """One link in the upright robot's frame, about whose origin it was turned at first."""
+    turn = np.eye(3) if turn is None else turn
+    place = np.add(origin, (0.0, 0.0, OP3_BODY_HEIGHT))
+    return Mass(mass=mass.mass, com=place + turn @ mass.com, inertia=turn @ mass.inertia @ turn.T)
+
+
+def symmetrical(part: Mass) -> Mass:
+    """The mean of a part and its mirror image."""
+    return combined([part.scaled(0.5), mirrored(part).scaled(0.5)])
+
+
+def op3_torso() -> Mass:
+    """Body, head and hanging arms."""
+    arm = [op3_part(*OP3_SHOULDER)]
+    for part, origin in OP3_LEFT_ARM:
+        reach = HANGING @ np.subtract(origin, OP3_SHOULDER_ROLL)
+        arm.append(op3_part(part, tuple(np.add(OP3_SHOULDER_ROLL, reach)), HANGING))
+    trunk = [op3_part(OP3_BODY, (0.0, 0.0, 0.0)), *(op3_part(*part) for part in OP3_HEAD)]
+    return combined([symmetrical(combined(trunk)), *arm, *(mirrored(part) for part in arm)])
+
+
+def moved(shape: Shape, origin: np.ndarray) -> Shape:
+    """A shape that is given in the frame at `origin`, in the upright robot's."""
+    lower, upper = np.add(shape.lower, origin), np.add(shape.upper, origin)
+    return replace(shape, lower=tuple(lower), upper=tuple(upper))
+
+
+def op3_sdf() -> str:
+    """The ROBOTIS OP3 as SDF text."""
+    root, model = new_model("op3", *OP3_COMMENTS)
+    base = np.array([0.0, 0.0, OP3_BODY_HEIGHT])
+    shapes = [moved(shape, base) for shape in OP3_TORSO_SHAPES]
+    for shape in OP3_LEFT_ARM_SHAPES:
+        left = moved(replace(shape, name=f"{shape.name}_l"), base)
+        shapes += [left, mirrored_shape(left, f"{shape.name}_r")]
+    add_link(model, "body_link", base, op3_torso(), shapes)
+    links = ["body_link"]
+    for side, mirror in (("r", -1.0), ("l", 1.0)):
+        place, above = base, "body_link"
+        for joint, offset, left_axis, right_axis in OP3_JOINTS:
+            name = f"{side}_{joint}"
+            place = place + np.array(offset) * (1.0, mirror, 1.0)
+            on_left = place * (1.0, mirror, 1.0)
+            part = OP3_LEFT_LEG[joint]
+            mass = Mass(mass=part.mass, com=part.com + on_left, inertia=part.inertia)
+            looks = [moved(shape, on_left) for shape in OP3_LEFT_LEG_SHAPES[joint]]
+            if side == "r":
+                mass = mirrored(mass)
+                looks = [mirrored_shape(shape, shape.name) for shape in looks]
+            add_link(model, f"{name}_link", place, mass, looks)
+            axis = left_axis if side == "l" else right_axis
+            hinge_of, hinge = add_hinge(model, name, above, f"{name}_link", axis)
+            add_limit(hinge, -OP3_RANGE, OP3_RANGE, OP3_STALL_TORQUE)
+            element(hinge, "dynamics")
+            add_rotor(hinge_of, OP3_ROTOR_INERTIA)
+            above = f"{name}_link"
+            links.append(above)
+    return written(root, model, links)
 
 
 MODEL_FILES: dict[str, Callable[[], str]] = {
@@ -552,11 +819,12 @@ MODEL_FILES: dict[str, Callable[[], str]] = {
         cad_masses(),
         "Written by tools/make_models.py: the KHR-3HV with its CAD model's own masses.",
     ),
+    "op3.sdf": op3_sdf,
 }
 
 
 def main() -> None:
-    """Write both files."""
+    """Write all files."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=MODELS, help="folder (default: models/)")
     folder = parser.parse_args().out

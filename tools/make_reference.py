@@ -21,6 +21,8 @@ import numpy as np
 
 from drake_gait.errors import SettingsError
 from drake_gait.foot import FootDesign
+from drake_gait.gait import GaitFamily, PaperFamily
+from drake_gait.gait.families import SHIPPED
 from drake_gait.problem import BUILT_IN, DesignSpace, Needs, Quantity, Side
 from drake_gait.ranges import NONE, OutOfRangeError, Range, Unit
 from drake_gait.servo import Servo
@@ -37,7 +39,7 @@ _KINDS = {
     "search": SearchSettings,
     "confirmation": ConfirmationSettings,
     "box": DesignSpace,
-    "gait": WalkSettings,
+    "gait": GaitFamily,
     "robot": WalkSettings,
     "walk": WalkSettings,
     "servo": Servo,
@@ -47,6 +49,7 @@ _KINDS = {
 _TABLES = {
     "confirmation": keys.CONFIRMATION,
     "box": keys.BOX,
+    "gait": keys.GAIT,
     "walk": keys.WALK,
     "servo": keys.SERVO,
     "foot": keys.FOOT,
@@ -59,6 +62,13 @@ _OWN = (
     "Python file of [quantities of your own](../howto/own_quantity.md), from the folder of this "
     "file."
 )
+_CENTRE = (
+    "A section: middle of the box of another family than the paper's, by the keys of its variables."
+)
+_HALF_WIDTH = "A section: half the width, likewise; a variable without one stays at its centre."
+_FAMILY = "Kind of gait, or the file and the class of [your own](../howto/own_gait.md)."
+_ROBOT = "The robot's file, by path or by a shipped name."
+_MODEL = "A model: an edit of the robot in `robot.file`, or of the KHR-3HV."
 _TOLD = {
     # What no class tells of a file's key: default, range and, where there is no field, sentence.
     "study.name": ("required", "a folder's name"),
@@ -70,16 +80,12 @@ _TOLD = {
     "box.centre_deg": ("required", "Table I"),
     "box.centre_from": ("none", "a path", _EARLIER),
     "box.half_width_deg": ("required", "each > 0"),
-    "robot.file": (
-        "khr3hv.toml",
-        "[a path or name](#the-robot-of-a-study)",
-        "[Robot's file](../explanation/robot.md#a-robots-file), from the folder of this file.",
-    ),
-    "robot.model": (
-        "the file's",
-        "a path",
-        "Another model of this robot: SDFormat, URDF or MJCF. Without a file, an edited KHR-3HV.",
-    ),
+    "box.centre": ("none", "limits of the variables", _CENTRE),
+    "box.half_width": ("none", "≥ 0", _HALF_WIDTH),
+    "gait.family": ("paper", "[a family](#gait-families)", _FAMILY),
+    "gait.start": ("ramp", "shift, ramp, paper", "How a gait of the paper's family begins."),
+    "robot.file": ("none", "[a path or name](#the-robot-of-a-study)", _ROBOT),
+    "robot.model": ("none", "[a path or name](#the-robot-of-a-study)", _MODEL),
     "walk.model": ("khr3hv.sdf", "[a path or name](#the-robot-of-a-study)"),
 }
 _PER_SIDE = {Side.UPPER: "at most", Side.LOWER: "at least", Side.BOTH: "size at most"}
@@ -116,6 +122,25 @@ def settings_table() -> str:
     return _table(("setting", "unit", "default", "range", "what it is"), rows)
 
 
+def families_table() -> str:
+    """Return a row for every shipped gait family, and one for each of its own settings."""
+    rows = []
+    base = {one.name for one in fields(GaitFamily)}
+    for name, kind in SHIPPED.items():
+        sentence = (inspect.getdoc(kind) or "").partition("\n")[0]
+        rows.append((f"`{name}`", "", "", sentence))
+        for key, (field, unit) in keys.setting_keys(kind).items():
+            if field not in base:
+                owner = next(one for one in kind.__mro__ if field in vars(one)["__annotations__"])
+                told = re.sub(r" \[[^]]+\]", "", _sentences(owner)[field])
+                value = _value(kind, field)
+                shown = (
+                    str(list(value)) if isinstance(value, tuple) else _default(kind, field, unit)
+                )
+                rows.append(("", f"`{key}`", shown, told))
+    return _table(("family", "setting of [gait]", "default", "what it is"), rows)
+
+
 def quantities_table() -> str:
     """Return a row for every quantity of the package."""
     rows = [
@@ -140,7 +165,10 @@ def columns_table() -> str:
     rows = [
         *((f"`{name}`", own[name]) for name in ("id", "stage", "iteration")),
         *((f"`{name}`", own[name]) for name in ("nominal", "variation")),
-        ("`roll_a` … `ankle_d`", "The sixteen coefficients [rad]."),
+        (
+            "`roll_a` … `ankle_d`",
+            "The sixteen coefficients [rad], or the variables of another family.",
+        ),
         *((f"`{one.name}`", foot[one.name]) for one in fields(FootDesign)),
         *((f"`{name}`", walk[name]) for name in ("outcome", "reason", "frames")),
         *(
@@ -157,6 +185,7 @@ def columns_table() -> str:
 _BLOCKS: Mapping[str, Callable[[], str]] = {
     "settings": settings_table,
     "quantities": quantities_table,
+    "families": families_table,
     "columns": columns_table,
 }
 
@@ -207,7 +236,8 @@ def _range(key: str, kind: type, name: str, unit: Unit) -> str:
         return _extent(FRICTION, unit)
     required = {"name": "x", "space": None} if kind is StudySettings else {}
     try:
-        kind(**required, **{name: -math.inf})
+        made = PaperFamily if kind is GaitFamily else kind
+        made(**required, **{name: -math.inf})
     except OutOfRangeError as error:
         return _extent(error.allowed, unit)
     except SettingsError as error:

@@ -17,6 +17,7 @@ import time
 from collections import Counter
 from pathlib import Path
 
+from drake_gait.study.ranking import search_walks
 from drake_gait.study.store import Study
 from drake_gait.walk import Outcome
 
@@ -37,11 +38,10 @@ def main() -> int:
     seconds = time.monotonic() - start
     with Study.open(options.out / "study.db") as study:
         walks, deaths = study.walks(), study.description()["worker_deaths"]
-    stages = Counter(walk.stage for walk in walks)
     given_up = Counter(walk.walk.reason for walk in walks if walk.walk.outcome is Outcome.DIVERGED)
-    searched = len(walks) - stages["confirmation"]
+    searched = len(search_walks(walks))
     print(f"exit status {driver.returncode} after {seconds:.0f} s")
-    print(f"walks: {searched} of {options.walks}, and {stages['confirmation']} confirmations")
+    print(f"walks: {searched} of {options.walks}, and {len(walks) - searched} confirmations")
     print(f"workers killed: {kills}; died in the midst of a walk: {sum(deaths.values())} {deaths}")
     print(f"walks given up: {sum(given_up.values())} {dict(given_up)}")
     killed = any("its process died" in reason for reason in given_up)

@@ -11,7 +11,7 @@ import numpy as np
 from drake_gait.cli._replay import choose
 from drake_gait.errors import SettingsError
 from drake_gait.files.destination import check, messages, write
-from drake_gait.gait import FRAME_TIME, JOINTS, WALKING
+from drake_gait.gait import FRAME_TIME, JOINTS
 from drake_gait.hardware.checks import violations
 from drake_gait.hardware.motion import Motion, table_as_csv, to_csv
 from drake_gait.hardware.servo_map import ServoMap, read_servo_map
@@ -48,9 +48,10 @@ def prepare_motion(options: argparse.Namespace, told: TextIO) -> Prepared:
     frame_time = _frame_time(options.frame_ms, servos)
     settings, chosen, as_then = choose(options.run, options.walk)
     caption = f"{settings.name}, walk {chosen.id}"
-    commands = chosen.candidate.gait.commands_from(as_then.start)
+    gait = chosen.candidate.gait
+    commands = gait.commands_from(as_then.start)
     motion = Motion(angles=commands)
-    print(f"{caption}: {_jumps(motion)}", file=told)
+    print(f"{caption}: {_jumps(motion, gait.walking)}", file=told)
     speed = servo_of(as_then).no_load_speed
     if options.soften is not None:
         if not 0.0 < options.soften <= 1.0:
@@ -59,9 +60,9 @@ def prepare_motion(options: argparse.Namespace, told: TextIO) -> Prepared:
             )
         motion = motion.softened(options.soften * speed)
         foot = chosen.candidate.foot
-        print(f"softened: {_jumps(motion)}", file=told)
+        print(f"softened: {_jumps(motion, gait.walking)}", file=told)
         for label, angles in (("as it is", commands), ("softened", motion.angles)):
-            walk = follow(angles, foot, as_then)
+            walk = follow(angles, foot, as_then, schedule=gait.schedule)
             does = "walks" if walk.survived else "falls:"
             print(f"{label}, it {does} {in_words(walk)}", file=told)
     motion = motion if frame_time == FRAME_TIME else motion.resampled(frame_time)
@@ -117,11 +118,12 @@ def _frame_time(milliseconds: float | None, servos: ServoMap) -> float:
     )
 
 
-def _jumps(motion: Motion) -> str:
+def _jumps(motion: Motion, walking: tuple[int, int]) -> str:
     """Return the largest change in one frame where walking begins and where it ends, as text."""
     found = []
-    for frame in WALKING:
-        changes = np.degrees(np.abs(np.diff(motion.angles, axis=0)))[frame - 1 : frame + 1]
+    of_all = np.degrees(np.abs(np.diff(motion.angles, axis=0)))
+    for frame in (min(max(one, 1), len(of_all) - 1) for one in walking):
+        changes = of_all[frame - 1 : frame + 1]
         step, column = np.unravel_index(changes.argmax(), changes.shape)
         found.append(
             f"{changes.max():.1f} degrees at {frame * FRAME_TIME:.1f} s ({JOINTS[column]}, frame "

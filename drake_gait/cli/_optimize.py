@@ -10,10 +10,11 @@ from drake_gait.report.build import check_outputs, write_outputs
 from drake_gait.report.result import baselines_line, manner_in_words, r_squared_line
 from drake_gait.report.tables import beside_the_paper, tiers
 from drake_gait.search.loop import useful_workers
+from drake_gait.study.ranking import search_walks
 from drake_gait.study.robot import with_robot
 from drake_gait.study.settings import StudySettings
 from drake_gait.study.store import Study
-from drake_gait.surrogates.ensemble import FEWEST_SURVIVORS
+from drake_gait.surrogates.prediction import FEWEST_SURVIVORS
 
 
 def work(settings: StudySettings, folder: Path, workers: int | None, dask: str | None) -> None:
@@ -29,7 +30,7 @@ def work(settings: StudySettings, folder: Path, workers: int | None, dask: str |
                 "starts another study"
             )
         else:
-            walks = sum(walk.is_search_walk for walk in study.walks())
+            walks = len(search_walks(study.walks()))
             with (
                 display(settings, walks) as show,
                 workers_of(settings, study, workers, dask=dask) as executor,
@@ -42,9 +43,11 @@ def _write_results(settings: StudySettings, study: Study, folder: Path) -> None:
     """Write what the study's folder is to hold, and print the table."""
     walks, wall_s = study.walks(), study.description().get("wall_s", 0.0)
     written = write_outputs(with_robot(settings, study), walks, folder, wall_s=wall_s)
-    searched = sum(walk.is_search_walk for walk in walks)
+    searched = len(search_walks(walks))
     if written.network is not None:
-        print(f"network of all {searched} walks: {r_squared_line(written.network)}")
+        part = "all" if written.network.walks == searched else "the latest"
+        told = f"network of {part} {written.network.walks} walks"
+        print(f"{told}: {r_squared_line(written.network)}")
         print(baselines_line(written.result))
     else:
         print(
@@ -60,6 +63,6 @@ def _write_results(settings: StudySettings, study: Study, folder: Path) -> None:
         print("Walked again: none, as no candidate is feasible or [confirmation] has no walks left")
     print()
     print(written.result["verdict"])
-    if written.replayed is not None and written.replayed.measures is not None:
-        print(f"how it walks: {manner_in_words(written.replayed.measures)}")
+    if written.best is not None and (manner := manner_in_words(written.best.walk)):
+        print(f"how it walks: {manner}")
     print(f"{folder}: {', '.join(written.files)}")

@@ -15,7 +15,7 @@ from drake_gait.report.result import in_words
 from drake_gait.search.confirmation import walked_as
 from drake_gait.simulation.simulate import simulate
 from drake_gait.study.finalists import winner
-from drake_gait.study.ranking import best_walk
+from drake_gait.study.ranking import best_walk, search_walks
 from drake_gait.study.records import CONFIRMATIONS, StudyWalk
 from drake_gait.study.robot import settings_with_robot
 from drake_gait.study.settings import StudySettings
@@ -155,7 +155,7 @@ def _find(walks: list[StudyWalk], number: int) -> StudyWalk:
     for walk in walks:
         if walk.id == number:
             return walk
-    last = max(walk.id for walk in walks if walk.is_search_walk)
+    last = max(walk.id for walk in search_walks(walks))
     raise StudyError(
         f"no walk {number}; the study has walks 0 to {last}, and from {CONFIRMATIONS} on those "
         "that confirm"

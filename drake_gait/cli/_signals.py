@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import NoReturn
 
+from drake_gait.execution.machine import ONE_THREAD
+
 INTERRUPTED, TERMINATED = 130, 143
 """Exit status after Ctrl-C and after SIGTERM, as shells have it."""
 
@@ -24,7 +26,8 @@ def begin() -> None:
 
     Ctrl-C and SIGTERM end it at once. A standard stream that is closed leads nowhere: else the next
     file that is opened would take its place, and what is printed. No window is ever opened, so that
-    matplotlib needs not know the one that a user prefers elsewhere.
+    matplotlib needs not know the one that a user prefers elsewhere. Libraries compute in one
+    thread, unless the environment says how many.
     """
     ctrl_c_ends_at_once()
     for descriptor in (0, 1, 2):
@@ -33,6 +36,8 @@ def begin() -> None:
         except OSError:
             os.open(os.devnull, os.O_RDWR)  # The lowest that is free.
     os.environ.pop("MPLBACKEND", None)
+    if not ONE_THREAD.keys() & os.environ.keys():  # Libraries that are not named follow OMP's.
+        os.environ.update(ONE_THREAD)
 
 
 def ctrl_c_ends_at_once() -> None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from drake_gait.cli._table import show
 from drake_gait.cli.progress import display
 from drake_gait.errors import SettingsError, StudyError
-from drake_gait.execution.machine import DRIVER_MEMORY, WORKER_MEMORY, default_workers
+from drake_gait.execution.machine import DRIVER_MEMORY, ONE_THREAD, WORKER_MEMORY, default_workers
 from drake_gait.execution.parent import GRACE, Lifeline
 from drake_gait.optimization import is_finished, workers_of
 from drake_gait.study._lock import driver_lock, is_driven
@@ -48,9 +48,6 @@ if TYPE_CHECKING:
 _POLLING = 0.2  # Time between two looks at the studies that run [s].
 _STOPPING = 60.0  # What a study may take to stop [s].
 _LONGEST_WORD = 300  # Of the last line that a study said, so much is repeated.
-
-# Studies beside each other are faster than one whose libraries want all cores.
-_ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
 
 def work(sweep: Sweep, out: Path, options: "Options") -> None:
@@ -154,7 +151,7 @@ def _start(
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
-                env={**os.environ, **_ONE_THREAD},
+                env={**os.environ, **ONE_THREAD},
                 pass_fds=[lifeline.descriptor],
                 start_new_session=True,
             )

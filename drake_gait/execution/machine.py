@@ -10,6 +10,13 @@ DRIVER_MEMORY = 1000e6
 WORKER_MEMORY = 220e6
 """What a worker may hold before it is replaced [bytes]."""
 
+ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+"""Environment of a process whose libraries compute in one thread.
+
+Two cores run two walks faster than two walks that each want two threads, and the matrices of a
+search are small. A library reads it when it is loaded, so it is set before that.
+"""
+
 _ROOT = Path("/")
 
 

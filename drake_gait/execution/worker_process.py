@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from drake_gait.errors import WorkerError
+from drake_gait.execution.machine import ONE_THREAD
 from drake_gait.problem import Trial
 from drake_gait.walk import Walk
 
@@ -39,9 +40,6 @@ _IDLE_LIMIT = 600.0  # After so long without a walk a process gives back its mem
 _LOOKING = 1.0  # How often to look whether a process hangs [s].
 _GRACE = 10.0  # How long after its driver a process ends a walk that hangs by itself [s].
 _AT_LAST = 20  # As many times longer it may take on the clock.
-
-# Two cores run two walks faster than two walks that each want two threads.
-_ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
 
 class WorkerDiedError(Exception):
@@ -180,7 +178,7 @@ class WorkerProcess:
                 self._process = subprocess.Popen(
                     [sys.executable, "-c", code],
                     stdin=subprocess.DEVNULL,
-                    env={**os.environ, **_ONE_THREAD},
+                    env={**os.environ, **ONE_THREAD},
                     pass_fds=[theirs.fileno()],
                 )
         self._connection, self._worn = ours, False

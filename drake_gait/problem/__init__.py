@@ -1,5 +1,6 @@
 """The problem: what is searched, and what makes one walk better than another."""
 
+from drake_gait.gait import COEFFICIENTS, ROUNDING
 from drake_gait.problem.candidate import Candidate, Trial
 from drake_gait.problem.constraints import (
     PENALTY,
@@ -9,7 +10,7 @@ from drake_gait.problem.constraints import (
     assess,
     quantities,
 )
-from drake_gait.problem.design_space import COEFFICIENTS, ROUNDING, DesignSpace
+from drake_gait.problem.design_space import DesignSpace
 from drake_gait.problem.quantities import (
     BUILT_IN,
     OF_EVERY_WALK,

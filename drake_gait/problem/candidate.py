@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from drake_gait.foot import FootDesign
-from drake_gait.gait import Gait
+from drake_gait.gait import AnyGait
 from drake_gait.walk import WalkSettings
 
 if TYPE_CHECKING:
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 class Candidate:
     """A gait on a pair of feet, which one simulation walks."""
 
-    gait: Gait
-    """The sixteen coefficients."""
+    gait: AnyGait
+    """What the joints do."""
     foot: FootDesign = field(default_factory=FootDesign)
     """The toes."""
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from drake_gait.errors import SettingsError
-from drake_gait.gait import FRAMES, FloatArray
+from drake_gait.gait import FloatArray
 from drake_gait.problem.quantities import (
     BUILT_IN,
     OUTPUTS,
@@ -223,9 +223,9 @@ def assess(
     walk: Walk, limits: Constraints, objective: Objective = Objective.DISTANCE
 ) -> Assessment:
     """Objective and violations of one simulated walk."""
-    missing = (FRAMES - walk.frames) / FRAMES  # Eq. 14
+    missing = (walk.planned - walk.frames) / walk.planned  # Eq. 14
     if not walk.survived:
-        missing = max(missing, 1.0 / FRAMES)
+        missing = max(missing, 1.0 / walk.planned)
     excess = [float(limit.excess(quantity(walk, limit.quantity))) for limit in limits.limits]
     gained = quantity(walk, objective.quantity)
     return Assessment(

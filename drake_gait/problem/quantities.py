@@ -320,9 +320,7 @@ def _slip_ratio(walk: Walk) -> float:
 
 
 def _yaw_swing(walk: Walk) -> float:
-    if walk.yaw_swing is not None:
-        return walk.yaw_swing
-    return walk.measures.yaw_swing if walk.measures else math.nan
+    return math.nan if walk.yaw_swing is None else walk.yaw_swing
 
 
 def _jump(trial: Trial) -> float:
@@ -344,7 +342,7 @@ FORWARD = Quantity(
     read=attrgetter("forward"),
 )  # fmt: skip
 JUMP = Quantity(
-    name="jump", label="jump of the command at 0.3 and 3.3 s", unit=DEGREES, digits=1,
+    name="jump", label="jump of the command where walking begins and ends", unit=DEGREES, digits=1,
     needs=Needs.CANDIDATE, read=_jump,
 )  # fmt: skip
 
@@ -362,6 +360,11 @@ _DECLARED = (
               scale=Scale(name="transport_efficiency", function=_inverse, falls=True)),
     _measured("peak_torque", "largest torque", unit=N_M),
     _measured("peak_speed", "largest speed", unit=RAD_PER_S, digits=1),
+    _measured("driving_torque", "largest torque of a servo, driving", unit=N_M),
+    _measured("braking_torque", "largest torque of a servo, driven back", unit=N_M),
+    _measured("driving_speed", "largest speed of a servo, driving", unit=RAD_PER_S, digits=1),
+    _measured("braking_speed", "largest speed of a servo, driven back", unit=RAD_PER_S, digits=1),
+    _measured("line_share", "largest share of the torque-speed line, driving"),
     _measured("saturated_fraction", "share of servo-time at the stall torque", digits=3),
     _measured("slip", "slip of the loaded sole", unit=MM, digits=0, parts=FEET),
     _measured("clearance", "minimum toe clearance of the lowest swing", unit=MM, digits=1,

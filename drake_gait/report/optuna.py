@@ -24,7 +24,6 @@ from sqlalchemy.exc import ArgumentError
 
 from drake_gait.errors import StudyError
 from drake_gait.foot import SEARCHED_IN_LOG
-from drake_gait.problem import COEFFICIENTS
 from drake_gait.study.ranking import search_walks
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
@@ -148,8 +147,9 @@ def _claim(
 ) -> None:
     """Write into an Optuna study whose it is; refuse it if it is another's."""
     # The number of walks may grow, and the walks there are stay the same.
-    made_with = {key: value for key, value in description["settings"].items()
-                 if key != "search.simulations"}  # fmt: skip
+    made_with = {
+        key: value for key, value in description["settings"].items() if key != "search.simulations"
+    }
     ours = {_MADE_WITH: made_with, _MODEL: description["model_sha256"]}
     known = {key: goal.user_attrs[key] for key in ours.keys() & goal.user_attrs.keys()}
     if known == ours:
@@ -178,17 +178,20 @@ def _ranges(
     """
     space, noise = settings.space, settings.confirmation.noise
     beyond = _NOISE * noise if settings.search.replicas > 1 else 0.0
-    coefficients = zip(
-        COEFFICIENTS,
-        space.centre.ravel().tolist(),
-        space.half_width.ravel().tolist(),
-        space.limits[:16].tolist(),
+    place = list(space.open_variables)
+    variables = zip(
+        (space.family.variables[one] for one in place),
+        space.centre.ravel()[place].tolist(),
+        space.half_width.ravel()[place].tolist(),
+        space.limits[: len(place)].tolist(),
         strict=True,
     )
-    ends = {
-        name: (centre + half_width * low - beyond, centre + half_width * high + beyond, False)
-        for name, centre, half_width, (low, high) in coefficients
-    }
+    ends = {}
+    for one, centre, half_width, (low, high) in variables:
+        wider = beyond if one.is_angle else 0.0
+        ends[one.name] = (
+            centre + half_width * low - wider, centre + half_width * high + wider, False,
+        )  # fmt: skip
     for name, low, high in space.foot_ranges:
         ends[name] = (low, high, name in SEARCHED_IN_LOG)
     return {

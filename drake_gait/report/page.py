@@ -19,7 +19,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from drake_gait.files.destination import write
-from drake_gait.gait import FRAMES
+from drake_gait.gait import FRAME_TIME, FRAMES
 from drake_gait.report import tables as report_tables
 from drake_gait.report.result import PAPER_TABLE
 from drake_gait.report.tables import number, scaled
@@ -67,15 +67,18 @@ def write_study_page(run: Run, path: Path) -> None:
     """
     result, limits = run.result, run.settings.constraints
     told = {one.quantity.name: report_tables.limit_in_words(one) for one in limits.given}
-    page = _environment().get_template("report.html").render(
+    template = _environment().get_template("report.html")
+    page = template.render(
         run=run,
         result=result,
         settings=run.settings,
         paper_best=number(PAPER_TABLE[-1][1], 2),
-        frames=FRAMES,
+        frames=_planned(run),
+        seconds=number(_planned(run) * FRAME_TIME, 1),
         ratio=scaled(result["forward_mm"], 1.0 / PAPER_TABLE[-1][1], 1),
         degrees=math.degrees(1.0),
         shuffles=_shuffles(result),
+        yaw_swing=report_tables.quantities(result).get("yaw_swing"),
         limits={
             "lateral": told["lateral"],
             "yaw": told["yaw"],
@@ -90,7 +93,7 @@ def write_study_page(run: Run, path: Path) -> None:
         finalists=report_tables.finalists(result),
         tables={
             "paper": report_tables.beside_the_paper(run.walks, limits),
-            "coefficients": report_tables.coefficients(result["coefficients_deg"] or []),
+            "gait": report_tables.gait(result, run.settings.space.family),
             "foot": report_tables.foot(result["foot"] or {}),
             "dropped": report_tables.finalists(result, dropped=True),
             "finalists_manner": report_tables.manner_of_finalists(result),
@@ -106,8 +109,15 @@ def write_study_page(run: Run, path: Path) -> None:
         of_the_walk=_figures(run, _OF_THE_WALK),
         of_the_search=_figures(run, _OF_THE_SEARCH),
         command=command(run),
-    )  # fmt: skip
+    )
     _write(page, path)
+
+
+def _planned(run: Run) -> int:
+    """Return the frames of the best walk's gait, or of the one in the middle of the box."""
+    if best := run.result.get("best"):
+        return int(best["walk"].get("planned", FRAMES))
+    return run.settings.space.middle.gait.frames
 
 
 def write_comparison_page(runs: Sequence[Run], path: Path) -> None:
@@ -124,10 +134,12 @@ def write_comparison_page(runs: Sequence[Run], path: Path) -> None:
         }
         for figure in ("postures", "paths", "convergence", "sensitivity", "waveforms")
     ]
-    page = _environment().get_template("comparison.html").render(
+    template = _environment().get_template("comparison.html")
+    page = template.render(
         runs=runs,
         numbers=report_tables.side_by_side(
-            names, [run.result for run in runs],
+            names,
+            [run.result for run in runs],
             tuple({one.name: one for run in runs for one in run.settings.quantities}.values()),
         ),
         differences=report_tables.differences(names, [run.settings.description() for run in runs]),
@@ -135,7 +147,7 @@ def write_comparison_page(runs: Sequence[Run], path: Path) -> None:
         versions=[report_tables.versions(run.result["versions"]) for run in runs],
         commands=[(run.name, command(run)) for run in runs],
         furthest=max(runs, key=_place),
-    )  # fmt: skip
+    )
     _write(page, path)
 
 

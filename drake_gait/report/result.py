@@ -3,21 +3,36 @@
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from drake_gait.gait import FloatArray
 from drake_gait.provenance import versions
 from drake_gait.report.study_result import best_in_words, distances, plain_walk, quantities_of
 from drake_gait.study.finalists import Finalist, Tier, best_unslipping, finalists, winner
 from drake_gait.study.ranking import best_walk, search_walks
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
-from drake_gait.walk import Measures, Outcome, Walk
+from drake_gait.walk import Outcome, Walk
 
-if TYPE_CHECKING:  # They load torch and scikit-learn, which no word needs.
+if TYPE_CHECKING:  # It loads torch and scikit-learn, which no word needs.
     from drake_gait.surrogates.baselines import Comparison
-    from drake_gait.surrogates.ensemble import Surrogate
+
+
+class Scored(Protocol):
+    """Something of which is known how much it explains, such as a network."""
+
+    @property
+    def r2_train(self) -> FloatArray:
+        """Share of variance explained on the walks learnt from, shape (k,)."""
+        ...
+
+    @property
+    def r2_heldout(self) -> FloatArray:
+        """Share of variance explained on walks not seen, shape (k,)."""
+        ...
+
 
 PAPER_TABLE = (
     # X_f [mm], Z_f [mm], R_f [deg], N: the paper's Table II, F1 to F8.
@@ -35,7 +50,7 @@ PAPER_TABLE = (
 def summary(
     settings: StudySettings,
     walks: Sequence[StudyWalk],
-    network: "Surrogate | None",
+    network: Scored | None,
     *,
     baselines: "Comparison | None" = None,
     wall_s: float,
@@ -75,14 +90,23 @@ def summary(
         "confirmations": len(walks) - len(searched),
         "survivors": sum(walk.walk.survived for walk in searched),
         "feasible_count": sum(settings.assess(walk.walk).feasible for walk in searched),
+        **scores(network, baselines, outputs),
+        "wall_s": wall_s,
+        "versions": versions(),
+    }
+
+
+def scores(
+    network: Scored | None, baselines: "Comparison | None", outputs: Sequence[str]
+) -> dict[str, Any]:
+    """Return what result.json says of a network and its baselines; None for what is not known."""
+    return {
         "r2_train": _by_output(network.r2_train if network else None, outputs),
         "r2_heldout": _by_output(network.r2_heldout if network else None, outputs),
         "r2_heldout_ridge": _by_output(baselines.ridge if baselines else None, outputs),
         "r2_heldout_kriging": _by_output(baselines.kriging if baselines else None, outputs),
         "survival_auc": baselines.network_auc if baselines else None,
         "survival_auc_logistic": baselines.logistic_auc if baselines else None,
-        "wall_s": wall_s,
-        "versions": versions(),
     }
 
 
@@ -175,6 +199,7 @@ def _finalist(settings: StudySettings, finalist: Finalist) -> dict[str, Any]:
             "frames": reference.walk.frames,
             "feasible": settings.assess(reference.walk).feasible,
         },
+        "yaw_swing": measured and measured.walk.yaw_swing,
         "measures": measured and measured.walk.measures and asdict(measured.walk.measures),
     }
 
@@ -208,7 +233,7 @@ def _counts(walks: Sequence[StudyWalk], feasible: int) -> dict[str, Any] | None:
     }
 
 
-def r_squared_line(network: "Surrogate") -> str:
+def r_squared_line(network: Scored) -> str:
     """R² of every output, training and held-out, as text."""
     names = ("Z", "X", "R", "Y")
     pairs = zip(names, network.r2_train, network.r2_heldout, strict=False)
@@ -247,17 +272,21 @@ def in_words(walk: Walk) -> str:
     )
 
 
-def manner_in_words(measures: Measures) -> str:
-    """Return how a walk was walked, as text: a long one may be a shuffle.
+def manner_in_words(walk: Walk) -> str:
+    """Return how a walk was walked, as text: a long one may be a shuffle. Empty if not measured.
 
     A dash stands for what such a walk does not have, as the duty of one that fell too soon.
     """
+    measures = walk.measures
+    if measures is None:
+        return ""
 
     def feet(values: Iterable[float], digits: int) -> str:
         return " / ".join(_rounded(value, digits) for value in values)
 
     slip, clearance = (1e3 * np.array(pair) for pair in (measures.slip, measures.clearance))
-    swing, tilt = np.degrees([measures.yaw_swing, measures.torso_tilt])
+    swing = None if walk.yaw_swing is None else float(np.degrees(walk.yaw_swing))
+    tilt = float(np.degrees(measures.torso_tilt))
     return (
         f"slip {feet(slip, 0)} mm (right / left foot), toe clearance {feet(clearance, 1)} mm, "
         f"duty {feet(measures.duty_factor, 2)}, yaw swing {_rounded(swing, 0)} degrees, "

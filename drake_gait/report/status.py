@@ -9,6 +9,7 @@ from typing import Any
 
 from drake_gait.errors import StudyError
 from drake_gait.files.strict_json import from_json
+from drake_gait.gait import plain_gait
 from drake_gait.study._lock import is_driven
 from drake_gait.study.ranking import feasible_walks, search_walks
 from drake_gait.study.records import StudyWalk
@@ -192,6 +193,6 @@ def _plain_walk(entry: StudyWalk) -> dict[str, Any]:
         "yaw": walk.yaw,
         "com_height": walk.com_height,
         "frames": walk.frames,
-        "coefficients": entry.candidate.gait.coefficients.tolist(),
+        **plain_gait(entry.candidate.gait),
         "foot": asdict(entry.candidate.foot),
     }

@@ -12,7 +12,7 @@ from drake_gait.errors import GaitError, StudyError
 from drake_gait.files.destination import write
 from drake_gait.files.strict_json import from_json, plain, to_json
 from drake_gait.foot import FootDesign
-from drake_gait.gait import Gait
+from drake_gait.gait import Gait, gait_of, plain_gait
 from drake_gait.problem import BUILT_IN, Candidate, Quantity
 from drake_gait.study.records import StudyWalk
 from drake_gait.walk import Measures, Outcome, Walk
@@ -72,6 +72,8 @@ class FinalistResult:
     """Whether it advances by sliding; None where that was not measured."""
     reference: Mapping[str, Any] | None = None
     """Outcome and numbers of its walk at reference fidelity, by their keys in result.json."""
+    yaw_swing: float | None = None
+    """Range of the torso's heading in that walk [rad]."""
     measures: Mapping[str, Any] | None = None
     """Its `walk.Measures`, by the names of their fields."""
 
@@ -138,7 +140,7 @@ class StudyResult:
     measures: Measures | None = None
     """Measures of the best walk."""
     jumps_deg: Mapping[str, float] | None = None
-    """How far the gait of the best walk misses its nodes at 0.3 and 3.3 s [deg]."""
+    """Jumps of the best walk's command where walking begins and ends [deg], by their times."""
     quantities: Mapping[str, Any] | None = None
     """Every known quantity of the best walk by its name [SI]; a list where it has parts."""
 
@@ -160,7 +162,7 @@ class StudyResult:
             StudyError: a key is missing, or holds what no result has.
         """
         try:
-            content = with_frames(content)
+            content = as_written_today(content)
             best = _best(content)
             known = {one.name: content[one.name] for one in fields(cls) if one.name in content}
             robust = content["winner"] is not None
@@ -170,7 +172,7 @@ class StudyResult:
             for name in ("r2_heldout_ridge", "r2_heldout_kriging"):
                 known.setdefault(name, dict.fromkeys(content["r2_heldout"]))
             if content.get("measures") is not None:
-                known["measures"] = _measures(content["measures"])
+                known["measures"] = measures_from(content["measures"])
             return cls(**known)
         except KeyError as error:
             reason = f"the key {error} is missing, or unknown"
@@ -208,13 +210,13 @@ class StudyResult:
 
 def best_in_words(best: StudyWalk | None) -> dict[str, Any]:
     """Return the keys of result.json that tell of the best walk in mm and degrees."""
-    walk = best.walk if best else None
+    walk, gait = (best.walk, best.candidate.gait) if best else (None, None)
     return {
         "walk": best.id if best else None,
         "outcome": str(walk.outcome) if walk else None,
         **distances(walk),
         "frames": walk.frames if walk else None,
-        "coefficients_deg": best.candidate.gait.degrees.tolist() if best else None,
+        "coefficients_deg": gait.degrees.tolist() if isinstance(gait, Gait) else None,
         "foot": asdict(best.candidate.foot) if best else None,
     }
 
@@ -258,10 +260,7 @@ def plain_walk(entry: StudyWalk) -> dict[str, Any]:
     found: dict[str, Any] = plain(
         {
             **own,
-            "candidate": {
-                "coefficients": candidate.gait.coefficients,
-                "foot": asdict(candidate.foot),
-            },
+            "candidate": {**plain_gait(candidate.gait), "foot": asdict(candidate.foot)},
             "walk": {**walk, "outcome": str(walk["outcome"])},
         }
     )
@@ -282,18 +281,27 @@ def read_result(folder: Path) -> dict[str, Any]:
         raise StudyError(f"cannot read {path}: {reason}; {_cure(folder)}") from None
     if not isinstance(found, dict):
         raise StudyError(f"{path} is no result of a study")
-    return with_frames(found)
+    return as_written_today(found)
 
 
-def with_frames(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the content of a result.json, in which older versions called frames "steps"."""
+def as_written_today(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the content of a result.json with the keys of this version.
+
+    Older versions called frames "steps", and had `yaw_swing` among the measures of a walk.
+    """
 
     def renamed(value: Any) -> Any:
         if isinstance(value, Mapping):
-            return with_frames(value)
+            return as_written_today(value)
         return [renamed(one) for one in value] if isinstance(value, list) else value
 
-    return {"frames" if key == "steps" else key: renamed(value) for key, value in content.items()}
+    found = {"frames" if key == "steps" else key: renamed(one) for key, one in content.items()}
+    measures = found.get("measures")
+    if isinstance(measures, dict) and "yaw_swing" in measures:
+        swing = measures.pop("yaw_swing")
+        if found.get("yaw_swing") is None:
+            found["yaw_swing"] = swing
+    return found
 
 
 def _cure(folder: Path) -> str:
@@ -308,7 +316,7 @@ def _best(content: Mapping[str, Any]) -> StudyWalk | None:
         kept = dict(content["best"])
         candidate, walk = kept["candidate"], kept["walk"]
         kept["candidate"] = Candidate(
-            gait=Gait(coefficients=np.array(candidate["coefficients"])),
+            gait=gait_of(candidate),
             foot=FootDesign(**candidate["foot"]),
         )
         numbers: dict[str, Any] = {
@@ -319,7 +327,7 @@ def _best(content: Mapping[str, Any]) -> StudyWalk | None:
             name: tuple(np.nan if one is None else one for one in values)
             for name, values in walk.get("values", {}).items()
         }
-        numbers["measures"] = walk["measures"] and _measures(walk["measures"])
+        numbers["measures"] = walk["measures"] and measures_from(walk["measures"])
         numbers["outcome"] = Outcome(walk["outcome"])
         kept["walk"] = Walk(**numbers)
         return StudyWalk(**kept)
@@ -348,8 +356,8 @@ def _best(content: Mapping[str, Any]) -> StudyWalk | None:
 _NUMBERS = ("forward", "lateral", "yaw", "com_height")
 
 
-def _measures(content: Mapping[str, Any]) -> Measures:
-    """Measures from JSON: what is null was not finite."""
+def measures_from(content: Mapping[str, Any]) -> Measures:
+    """Return measures from JSON: what is null was not finite."""
 
     def number(value: Any) -> Any:
         if isinstance(value, list):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from drake_gait.foot import DESIGN_UNITS, N_MM_PER_DEG
-from drake_gait.gait import CYCLE_TIME, FRAME_TIME, TERMS, WAVEFORMS
+from drake_gait.gait import FRAME_TIME, TERMS, WAVEFORMS, GaitFamily
 from drake_gait.problem import BUILT_IN, OUTPUTS, Constraints, Limit, Quantity
 from drake_gait.problem.quantities import FEET
 from drake_gait.report.result import PAPER_TABLE
@@ -49,7 +49,29 @@ STAGE_NAMES = {
 }
 """Stages "design" and "infill" for people: the mode says who proposed a walk."""
 
-_NOT_FINER = 6  # columns of a finalist's table, from the first, of walks that are not finer
+_OF_FINALISTS = (
+    "walk",
+    "Z alone [mm]",
+    "median Z [mm]",
+    "worst Z [mm]",
+    "on its feet",
+    "feasible",
+    "tier",
+    "T2: median Z [mm]",
+    "T2: feasible",
+    "T3: on its feet",
+    "T3: feasible",
+    "T4: other sole",
+    "T4: other engine",
+    "finer, alone: it",
+    "Z [mm]",
+    "X [mm]",
+    "R [deg]",
+    "feasible there",
+)
+"""Columns of the finalists' table."""
+_NOT_FINER = 6
+"""So many of them, from the first, are of walks that are not finer."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,8 +115,12 @@ def beside_the_paper(walks: Sequence[StudyWalk], limits: Constraints) -> Table:
         left = ["–"] * 5
         if place < len(ours):
             walk = ours[place].walk
-            left = [str(ours[place].id), *_paper_s_numbers(1e3 * walk.lateral, 1e3 * walk.forward,
-                    float(np.degrees(walk.yaw)), walk.frames)]  # fmt: skip
+            left = [
+                str(ours[place].id),
+                *_paper_s_numbers(
+                    1e3 * walk.lateral, 1e3 * walk.forward, float(np.degrees(walk.yaw)), walk.frames
+                ),
+            ]
         rows.append(
             [str(place + 1), *left, f"F{len(PAPER_TABLE) - place}", *_paper_s_numbers(*paper)]
         )
@@ -181,42 +207,53 @@ def finalists(result: Mapping[str, Any], *, dropped: bool = False) -> Table | No
     ]
     if not found:
         return None
-    rows = []
-    for entry in found:
-        finer = entry.get("reference") or {}
-        of, converged, servo = entry["of"], entry.get("converged"), entry.get("servo")
-        elsewhere = [_elsewhere(entry, name) for name in ("other_sole", "other_engine")]
-        rows.append([
-            str(entry["walk"]),
-            number(entry["forward_mm"], 1), number(entry["median_mm"], 1),
-            number(entry["worst_mm"], 1),
-            f"{entry['survived']} of {of}", f"{entry['feasible']} of {of}",
-            _tier(entry), number(converged and converged["median_mm"], 1),
-            _share(converged, "feasible"), _share(servo, "survived"), _share(servo, "feasible"),
-            *elsewhere,
-            str(finer.get("outcome", "–")), number(finer.get("forward_mm"), 1),
-            number(finer.get("lateral_mm"), 1), number(finer.get("yaw_deg"), 1),
-            "–" if finer.get("feasible") is None else "yes" if finer["feasible"] else "no",
-        ])  # fmt: skip
-    columns = ["walk", "Z alone [mm]", "median Z [mm]", "worst Z [mm]", "on its feet", "feasible",
-               "tier", "T2: median Z [mm]", "T2: feasible", "T3: on its feet", "T3: feasible",
-               "T4: other sole", "T4: other engine",
-               "finer, alone: it", "Z [mm]", "X [mm]", "R [deg]", "feasible there"]  # fmt: skip
+    rows = [_row_of_finalist(entry) for entry in found]
     if dropped:  # None of these was walked any finer.
         return Table(
             caption="Dropped when too few were feasible, or all walks were used: with noise on "
             "every coefficient and other friction",
-            columns=columns[:_NOT_FINER],
+            columns=_OF_FINALISTS[:_NOT_FINER],
             rows=[row[:_NOT_FINER] for row in rows],
         )
     return Table(
         caption="The finalists, walked again: with noise on every coefficient and other friction "
         "(T1), with fresh noise and finer (T2), with other servos and masses (T3), "
         "on the other sole and in the other engine (T4: part of the distance at the reference)",
-        columns=columns,
+        columns=_OF_FINALISTS,
         rows=rows,
         marked=_place_of_winner(found, result),
     )
+
+
+def _row_of_finalist(entry: Mapping[str, Any]) -> list[str]:
+    """Return a finalist's cells, as many as `_OF_FINALISTS`."""
+    finer, of = entry.get("reference") or {}, entry["of"]
+    converged, servo = entry.get("converged"), entry.get("servo")
+    return [
+        str(entry["walk"]),
+        number(entry["forward_mm"], 1),
+        number(entry["median_mm"], 1),
+        number(entry["worst_mm"], 1),
+        f"{entry['survived']} of {of}",
+        f"{entry['feasible']} of {of}",
+        _tier(entry),
+        number(converged and converged["median_mm"], 1),
+        _share(converged, "feasible"),
+        _share(servo, "survived"),
+        _share(servo, "feasible"),
+        _elsewhere(entry, "other_sole"),
+        _elsewhere(entry, "other_engine"),
+        str(finer.get("outcome", "–")),
+        number(finer.get("forward_mm"), 1),
+        number(finer.get("lateral_mm"), 1),
+        number(finer.get("yaw_deg"), 1),
+        _yes_or_no(finer.get("feasible")),
+    ]
+
+
+def _yes_or_no(value: bool | None) -> str:
+    """Return a truth value as a word; a dash where it is not known."""
+    return "–" if value is None else "yes" if value else "no"
 
 
 def _tier(entry: Mapping[str, Any]) -> str:
@@ -250,20 +287,51 @@ def manner_of_finalists(result: Mapping[str, Any]) -> Table | None:
     rows = []
     for entry in found:
         measures = entry["measures"]
-        rows.append([
-            str(entry["walk"]), number(entry["forward_mm"], 1),
-            *(scaled(value, 1e3, 0) for value in measures["slip"]),
-            scaled(measures["yaw_swing"], _DEGREES, 0),
-            scaled(measures["torso_tilt"], _DEGREES, 0),
-            number(measures["cost_of_transport"], 2),
-        ])  # fmt: skip
+        rows.append(
+            [
+                str(entry["walk"]),
+                number(entry["forward_mm"], 1),
+                *(scaled(value, 1e3, 0) for value in measures["slip"]),
+                scaled(entry.get("yaw_swing"), _DEGREES, 0),
+                scaled(measures["torso_tilt"], _DEGREES, 0),
+                number(measures["cost_of_transport"], 2),
+            ]
+        )
     return Table(
         caption="How the finalists walk: far may be slid, and swung",
-        columns=["walk", "Z alone [mm]", "right sole slips [mm]", "left [mm]",
-                 "heading swings [deg]", "torso leans [deg]", "cost of transport"],
+        columns=[
+            "walk",
+            "Z alone [mm]",
+            "right sole slips [mm]",
+            "left [mm]",
+            "heading swings [deg]",
+            "torso leans [deg]",
+            "cost of transport",
+        ],
         rows=rows,
         marked=_place_of_winner(found, result),
-    )  # fmt: skip
+    )
+
+
+def gait(result: Mapping[str, Any], family: GaitFamily) -> Table:
+    """Return the best walk's gait: its coefficients, or its variables in the units of a file.
+
+    Args:
+        result: Content of result.json.
+        family: The family of the study's gaits.
+    """
+    best = (result.get("best") or {}).get("candidate", {})
+    if "variables" not in best:
+        return coefficients(result["coefficients_deg"] or [])
+    rows = [
+        [words(one.name), f"{best['variables'][one.name] / one.unit.si + 0.0:.4g}", one.unit.short]
+        for one in family.variables
+    ]
+    return Table(
+        caption=f"The gait, of the family {family.label}",
+        columns=["variable", "value", "unit"],
+        rows=rows,
+    )
 
 
 def coefficients(degrees: Sequence[Sequence[float]]) -> Table:
@@ -303,7 +371,7 @@ def manner(result: Mapping[str, Any], own: Sequence[Quantity] = ()) -> Table | N
         result: The content of a result.json.
         own: Quantities of the study's own.
     """
-    known = _quantities(result)
+    known = quantities(result)
     rows = []
     for one in (*BUILT_IN.values(), *own):
         if one.name in OUTPUTS or one.name not in known:
@@ -317,8 +385,9 @@ def manner(result: Mapping[str, Any], own: Sequence[Quantity] = ()) -> Table | N
                 rows.append([f"{one.title}, {words(part)}", cell, ""])
     if not rows:
         return None
-    return Table(caption="How it walks", columns=["quantity", "right foot, or all", "left foot"],
-                 rows=rows)  # fmt: skip
+    return Table(
+        caption="How it walks", columns=["quantity", "right foot, or all", "left foot"], rows=rows
+    )
 
 
 def shown(value: float | None, one: Quantity) -> str:
@@ -341,9 +410,12 @@ def limit_in_words(limit: Limit | None) -> str:
     return f"at most {high}" if math.isinf(limit.lower) else f"{low} to {high}"
 
 
-def _quantities(result: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return the quantities of a result; of an older one, its measures."""
-    return result.get("quantities") or result.get("measures") or {}
+def quantities(result: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the quantities of a result [SI]; of an older one, those that were measured."""
+    of_old = {"yaw_swing": result.get("yaw_swing"), **(result.get("measures") or {})}
+    return result.get("quantities") or {
+        name: value for name, value in of_old.items() if value is not None
+    }
 
 
 def stages(
@@ -378,11 +450,18 @@ def stages(
 def failures(walks: Iterable[StudyWalk]) -> Table:
     """Return the causes of early ends: falls by their gait cycle, and others."""
     counts: Counter[str] = Counter()
+    walks = list(walks)
+    one_period = len({entry.candidate.gait.schedule.period for entry in walks}) == 1
     for entry in walks:
-        walk = entry.walk
+        walk, period = entry.walk, entry.candidate.gait.schedule.period
         if walk.outcome is Outcome.FELL:
-            begin = CYCLE_TIME * int(walk.frames * FRAME_TIME / CYCLE_TIME)
-            counts[f"fell between {begin:.1f} and {begin + CYCLE_TIME:.1f} s"] += 1
+            cycle = int(walk.frames * FRAME_TIME / period)
+            begin = period * cycle
+            counts[
+                f"fell between {begin:.1f} and {begin + period:.1f} s"
+                if one_period
+                else f"fell in gait cycle {cycle + 1}"
+            ] += 1
         elif walk.failure:
             counts[walk.failure] += 1
     rows = [[cause, str(count)] for cause, count in sorted(counts.items())]
@@ -415,9 +494,11 @@ def settings(description: Mapping[str, Any]) -> Table:
     """Every setting, in SI units, angles in radians."""
     rows = [[key, _plain(value)] for key, value in description.items() if key != "study.question"]
     return Table(
-        caption="Settings, in SI units and radians", columns=["setting", "value"], rows=rows,
+        caption="Settings, in SI units and radians",
+        columns=["setting", "value"],
+        rows=rows,
         numbers=False,
-    )  # fmt: skip
+    )
 
 
 def _plain(value: Any) -> str:
@@ -431,8 +512,12 @@ def _plain(value: Any) -> str:
 
 def versions(found: Mapping[str, str]) -> Table:
     """Return the versions that the numbers depend on."""
-    return Table(caption="Versions", columns=["of", "version"],
-                 rows=[[name, value] for name, value in found.items()], numbers=False)  # fmt: skip
+    return Table(
+        caption="Versions",
+        columns=["of", "version"],
+        rows=[[name, value] for name, value in found.items()],
+        numbers=False,
+    )
 
 
 def side_by_side(
@@ -440,32 +525,43 @@ def side_by_side(
 ) -> Table:
     """The numbers of several studies, and the quantities of their own."""
     lines = (
-        ("best walk", "walk", 0), ("Z, forward [mm]", "forward_mm", 1),
-        ("X, lateral [mm]", "lateral_mm", 1), ("R, turn [deg]", "yaw_deg", 2),
-        ("Y, height of the centre of mass [mm]", "com_height_mm", 2), ("N, frames", "frames", 0),
-        ("walks", "simulations", 0), ("on their feet", "survivors", 0),
-        ("feasible walks", "feasible_count", 0), ("time [s]", "wall_s", 0),
-    )  # fmt: skip
-    rows = [[label, *(number(result[key], digits) for result in results)]
-            for label, key, digits in lines]  # fmt: skip
+        ("best walk", "walk", 0),
+        ("Z, forward [mm]", "forward_mm", 1),
+        ("X, lateral [mm]", "lateral_mm", 1),
+        ("R, turn [deg]", "yaw_deg", 2),
+        ("Y, height of the centre of mass [mm]", "com_height_mm", 2),
+        ("N, frames", "frames", 0),
+        ("walks", "simulations", 0),
+        ("on their feet", "survivors", 0),
+        ("feasible walks", "feasible_count", 0),
+        ("time [s]", "wall_s", 0),
+    )
+    rows = [
+        [label, *(number(result[key], digits) for result in results)]
+        for label, key, digits in lines
+    ]
     # As text: a seed may have more digits than a number.
     rows.insert(0, ["seed", *(str(result["seed"]) for result in results)])
     rows.insert(
         2, ["best walk is feasible", *("yes" if result["feasible"] else "no" for result in results)]
     )
     rows += [
-        [f"held-out R² of {OUTPUT_NAMES[output]}",
-         *(number(result["r2_heldout"].get(output), 2) for result in results)]
+        [
+            f"held-out R² of {OUTPUT_NAMES[output]}",
+            *(number(result["r2_heldout"].get(output), 2) for result in results),
+        ]
         for output in ("forward", "lateral", "yaw")
-    ]  # fmt: skip
-    for label, key in (("trusted Z of the winner [mm]", "trusted_mm"),
-                       ("median Z of the winner [mm]", "median_mm"),
-                       ("worst Z of the winner [mm]", "worst_mm")):  # fmt: skip
+    ]
+    for label, key in (
+        ("trusted Z of the winner [mm]", "trusted_mm"),
+        ("median Z of the winner [mm]", "median_mm"),
+        ("worst Z of the winner [mm]", "worst_mm"),
+    ):
         values = [_of_winner(result, key) for result in results]
         if any(value is not None for value in values):
             rows.append([label, *(number(value, 1) for value in values)])
     for one in (*(BUILT_IN[name] for name in _COMPARED), *own):
-        measured = [_largest(_quantities(result).get(one.name)) for result in results]
+        measured = [_largest(quantities(result).get(one.name)) for result in results]
         rows.append([one.title, *(shown(value, one) for value in measured)])
     return Table(caption="The studies side by side", columns=["", *names], rows=rows)
 
@@ -493,5 +589,9 @@ def differences(names: Sequence[str], described: Sequence[Mapping[str, Any]]) ->
             rows.append([key, *values])
     if not rows:
         return None
-    return Table(caption="Settings that differ, in SI units and radians",
-                 columns=["setting", *names], rows=rows, numbers=False)  # fmt: skip
+    return Table(
+        caption="Settings that differ, in SI units and radians",
+        columns=["setting", *names],
+        rows=rows,
+        numbers=False,
+    )

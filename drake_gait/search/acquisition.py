@@ -9,14 +9,13 @@ from copy import copy
 
 import numpy as np
 from scipy.special import betainc, ndtr
-from scipy.stats import norm
 
 from drake_gait.gait import FloatArray
 from drake_gait.problem import Limit
 from drake_gait.search.grounds import predictions, together
 from drake_gait.study.ranking import robust_count
 from drake_gait.study.search_settings import Risk
-from drake_gait.surrogates.ensemble import Network, Prediction
+from drake_gait.surrogates.prediction import Network, Prediction
 
 _NEIGHBOURHOOD = 0.25
 """Trials of one batch closer than about this part of the trust region count as the same."""
@@ -144,7 +143,7 @@ def chance_to_hold(
 def expected_improvement(mean: FloatArray, deviation: FloatArray, to_beat: float) -> FloatArray:
     """Mean of max(y - to_beat, 0) where y is normal, shape (n,)."""
     z = (mean - to_beat) / deviation
-    gain: FloatArray = deviation * (z * ndtr(z) + norm.pdf(z))
+    gain: FloatArray = deviation * (z * ndtr(z) + np.exp(-(z**2) / 2.0) / np.sqrt(2.0 * np.pi))
     return gain
 
 

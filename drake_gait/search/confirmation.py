@@ -57,8 +57,6 @@ _AHEAD = 2
 
 Without them the race would walk candidates that promise less meanwhile.
 """
-_LOOKED_AT = 12
-"""Feasible walks, the best first, that are looked at for one that does not slip."""
 _BELIEF = 2.0
 """Walks that what the search says of a candidate counts for, beside the candidate's own."""
 _WORTH = 0.01
@@ -158,7 +156,7 @@ def walked_as(settings: StudySettings, walk: StudyWalk) -> WalkSettings:
     Raises:
         SettingsError: a user's own change was made, and the settings know it by its name only.
     """
-    return _simulated_as(settings, settings.walk, walk, walk.candidate).settings
+    return _simulated_as(settings, walk, walk.candidate).settings
 
 
 def other_servo(
@@ -184,11 +182,7 @@ def other_servo(
     stiffness, voltage, mass = 1.0 + rng.uniform(-1.0, 1.0, 3) * [most[name] for name in evenly]
     late, finer = rng.uniform(0.0, 1.0, 2) * [most["command_delay"], most["integrator_step"]]
     own = servo_of(walk)
-    servo = replace(
-        own,
-        stiffness=float(stiffness * own.stiffness),
-        no_load_speed=float(voltage * own.no_load_speed),
-    )
+    servo = replace(own, stiffness=float(stiffness * own.stiffness))
     disturbance = Disturbance(
         joint_zeros=tuple(zeros.tolist()),
         voltage=float(voltage),
@@ -219,19 +213,16 @@ def _finer(stepping: Integrator, part: float) -> Integrator:
     return replace(stepping, step=step, accuracy=accuracy)
 
 
-def _simulated_as(
-    settings: StudySettings, how: WalkSettings, walk: StudyWalk, candidate: Candidate
-) -> Trial:
-    """Return what a walk of a study simulates, from how those of its search are simulated.
+def _simulated_as(settings: StudySettings, walk: StudyWalk, candidate: Candidate) -> Trial:
+    """Return what a walk of a study simulates.
 
     Args:
         settings: The study.
-        how: How the walks of its search are simulated on their own ground.
         walk: Its id, its variation and what it is a variation of.
         candidate: Its candidate, before changes of a user's own.
     """
-    how = on_ground(how, settings, end_of(settings, walk))
-    if walk.is_search_walk or walk.nominal is None:
+    how = on_ground(settings.walk, settings, end_of(settings, walk))
+    if walk.confirms is None:
         return Trial(candidate=candidate, settings=how)
     plan = settings.confirmation
     tier = tier_of(plan, walk.variation)
@@ -242,11 +233,11 @@ def _simulated_as(
     if walk.variation == OTHER_ENGINE:
         how = replace(how, engine=_OTHER_ENGINES[how.engine])
     trial = Trial(
-        candidate=candidate, settings=other_servo(settings, how, walk.nominal, walk.variation)
+        candidate=candidate, settings=other_servo(settings, how, walk.confirms, walk.variation)
     )
     for place, change in enumerate(plan.own):
         if change in plan.own_changes(tier):
-            address = (walk.nominal, walk.variation, place)
+            address = (walk.confirms, walk.variation, place)
             trial = change(trial, generator(settings.seed, Purpose.OWN_CHANGE, *address))
     return trial
 
@@ -280,6 +271,8 @@ class _Test:
     """Those that ended, in the order of their variation."""
     held: int = 0
     """How many of them are feasible."""
+    objectives: list[float] = field(default_factory=list)
+    """What each of them is worth, in the same order."""
 
 
 class _Race:
@@ -302,6 +295,7 @@ class _Race:
         self._tests: dict[tuple[int, Tier], _Test] = defaultdict(_Test)
         self._used = {False: 0, True: 0}  # Walks begun, at reference fidelity or not.
         self._answers: list[StudyWalk] = []
+        self._advice: tuple[int, list[Recommended]] | None = None  # And how many answers it had.
         self.under_way = 0
         """Walks of the race that were begun, and not heard of yet."""
 
@@ -331,14 +325,14 @@ class _Race:
         number = next(one.number for one in self._entrants.values() if self._own_id(one) == own)
         test = self._tests[number, tier_of(self._plan, walk.variation)]
         test.known.append(walk)
-        test.held += self._settings.assess(walk.walk).feasible
+        assessment = self._settings.assess(walk.walk)
+        test.held += assessment.feasible
+        test.objectives.append(assessment.objective)
         self._answers.append(walk)
         self.under_way -= 1
 
     def certain_walks(self) -> Iterator[Planned]:
-        """Yield what is reported of the best single walks, whatever the race finds."""
-        for one in self._field[:_LOOKED_AT]:
-            yield self._planned(one, 0)
+        """Yield what is reported of the best single walk, whatever the race finds."""
         for one in self._field[:1]:
             yield self._planned(one, REFERENCE)
             for variation in Tier.REPEATS.variations(self._plan):
@@ -356,7 +350,6 @@ class _Race:
         """Yield what else is reported of each that holds."""
         for number in self._listed():
             yield self._planned(self._entrants[number], REFERENCE)
-            yield self._planned(self._entrants[number], 0)
 
     def winner_s_walks(self) -> Iterator[Planned]:
         """Yield the walks of the winner with other servos and elsewhere, if it converges."""
@@ -412,7 +405,10 @@ class _Race:
             self._advise = Adviser(self._settings, self._searched).recommended
         if self._plan.means and not self._answers:
             self._enter_means(self._advise([]))
-        return self._advise(self._answers)
+        # Between two answers the advice stays.
+        if self._advice is None or self._advice[0] != len(self._answers):
+            self._advice = len(self._answers), self._advise(self._answers)
+        return self._advice[1]
 
     def _enter_means(self, recommended: Sequence[Recommended]) -> None:
         """Give means their numbers: by the size of the search and their place in its advice."""
@@ -445,10 +441,7 @@ class _Race:
         """Return what a candidate gains: the median of the last test it has passed, if any."""
         for tier in reversed(self._tiers):
             if self._has_passed(number, tier):
-                known = self._tests[number, tier].known
-                return -float(
-                    np.median([self._settings.assess(one.walk).objective for one in known])
-                )
+                return -float(np.median(self._tests[number, tier].objectives))
         return expected
 
     def _tier_under_test(self, number: int) -> Tier | None:
@@ -510,7 +503,7 @@ class _Race:
         if tier and "noise" in plan.changes(tier):
             # Other noise than that of the search's own replicas.
             other = variation + settings.search.replicas - 1
-            trial = Trial(candidate=candidate, settings=settings.trial_settings)
+            trial = Trial(candidate=candidate, settings=settings.walk)
             candidate = perturbed(trial, settings, nominal, other).candidate
         walk = StudyWalk(
             id=self._id(one, variation),
@@ -521,13 +514,11 @@ class _Race:
             candidate=candidate,
             walk=Walk.diverged("not walked yet"),
         )
-        trial = _simulated_as(settings, settings.trial_settings, walk, candidate)
-        how = trial.settings
         return Planned(
             id=walk.id,
             stage=walk.stage,
             iteration=walk.iteration,
-            trial=replace(trial, settings=replace(how, measures=how.measures or variation == 0)),
+            trial=_simulated_as(settings, walk, candidate),
             nominal=walk.nominal,
             variation=variation,
         )

@@ -15,7 +15,7 @@ from drake_gait.search.proposer import (
 from drake_gait.search.seeding import Purpose, seed_of
 from drake_gait.study.ranking import Sample
 from drake_gait.study.settings import StudySettings
-from drake_gait.surrogates.ensemble import Network
+from drake_gait.surrogates.prediction import Network
 
 
 class _Direct:

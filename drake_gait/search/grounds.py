@@ -18,7 +18,7 @@ from drake_gait.gait import FloatArray
 from drake_gait.study.finalists import tier_of
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
-from drake_gait.surrogates.ensemble import Network, Prediction
+from drake_gait.surrogates.prediction import Network, Prediction
 from drake_gait.walk import WalkSettings
 
 SLIPPERY, BETWEEN, STICKY = -0.5, 0.0, 0.5

@@ -19,7 +19,8 @@ from drake_gait.search.proposer import Proposal
 from drake_gait.search.seeding import Purpose, seed_of
 from drake_gait.study.ranking import Sample
 from drake_gait.study.settings import StudySettings
-from drake_gait.surrogates.ensemble import Network, Surrogate
+from drake_gait.surrogates.ensemble import Surrogate
+from drake_gait.surrogates.prediction import Network
 from drake_gait.surrogates.settings import NetworkSettings
 
 _POPULATION = 15

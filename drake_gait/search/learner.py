@@ -6,6 +6,7 @@ number alone decides which walks a network learns from.
 """
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,10 +24,11 @@ from drake_gait.search.seeding import Purpose, seed_of
 from drake_gait.study.ranking import Sample
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
-from drake_gait.surrogates import ensemble
-from drake_gait.surrogates.ensemble import FEWEST_SURVIVORS, BoolArray, Network, Surrogate
-from drake_gait.surrogates.residual_gp import KrigedNetwork
+from drake_gait.surrogates.prediction import FEWEST_SURVIVORS, BoolArray, Network, learnable
 from drake_gait.surrogates.settings import NetworkSettings
+
+if TYPE_CHECKING:  # It loads torch, which whoever asks how a walk was simulated need not.
+    from drake_gait.surrogates.ensemble import Surrogate
 
 WINDOW = 600
 """Walks, the latest, that a network learns."""
@@ -68,13 +70,13 @@ class Learner:
             self._vintages.append(self._next_vintage())
         return self._vintages[iteration]
 
-    def learn(self, iteration: int, known: Sequence[Sample]) -> Surrogate | None:
+    def learn(self, iteration: int, known: Sequence[Sample]) -> "Surrogate | None":
         """Return the network of the samples known to an iteration, if enough survived."""
         walks = all_walks(known)[-WINDOW:]
         seed = seed_of(self._settings.seed, Purpose.NETWORK, iteration)
         return learnt(self._settings, walks, seed, self._network)
 
-    def asked(self, network: Surrogate, iteration: int, known: Sequence[Sample]) -> Network:
+    def asked(self, network: "Surrogate", iteration: int, known: Sequence[Sample]) -> Network:
         """Return what an iteration asks: its network, corrected by the walks since."""
         learnt_from = self._count(self.vintage(iteration))
         return corrected(self._settings, network, all_walks(known[learnt_from:]))
@@ -115,7 +117,7 @@ class NetworkProposer:
         """Return an earlier iteration where networks take longer than walks."""
         return self._learner.vintage(iteration)
 
-    def learn(self, iteration: int, known: Sequence[Sample]) -> Surrogate | None:
+    def learn(self, iteration: int, known: Sequence[Sample]) -> "Surrogate | None":
         """Return an ensemble of networks of the latest walks, if enough survived."""
         return self._learner.learn(iteration, known)
 
@@ -132,16 +134,20 @@ def learnt(
     walks: Sequence[StudyWalk],
     seed: int,
     network: NetworkSettings | None = None,
-) -> Surrogate | None:
+) -> "Surrogate | None":
     """Return the network of some walks, or None if too few survived."""
+    from drake_gait.surrogates import ensemble
+
     x, outputs, survived = grounded_data(settings, walks)
-    if ensemble.learnable(outputs, survived).sum() < FEWEST_SURVIVORS:
+    if learnable(outputs, survived).sum() < FEWEST_SURVIVORS:
         return None
     return ensemble.fit(x, outputs, survived, seed=seed, settings=network)
 
 
-def corrected(settings: StudySettings, network: Surrogate, since: Sequence[StudyWalk]) -> Network:
+def corrected(settings: StudySettings, network: "Surrogate", since: Sequence[StudyWalk]) -> Network:
     """Return a network with its errors, those on walks since it learnt too, to ask about x."""
+    from drake_gait.surrogates.residual_gp import KrigedNetwork
+
     kriged = KrigedNetwork(network, *grounded_data(settings, since))
     return Grounded(kriged) if settings.two_grounds else kriged
 

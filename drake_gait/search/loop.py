@@ -24,7 +24,8 @@ from drake_gait.study.ranking import Sample, sample
 from drake_gait.study.settings import StudySettings
 from drake_gait.study.store import Study
 from drake_gait.surrogates.arithmetic import single_thread
-from drake_gait.surrogates.ensemble import Network, Prediction, Surrogate
+from drake_gait.surrogates.ensemble import Surrogate
+from drake_gait.surrogates.prediction import Network, Prediction
 
 _ROUNDING = 1e-6
 """A design vector beyond a limit by no more than this is at it, in units of the box."""
@@ -179,7 +180,7 @@ class _Run:
         for place, number in enumerate(self._numbers(iteration)):
             candidate = self._settings.space.decode(proposal.x[place])
             first = self._ids(number).start
-            nominal = Trial(candidate=candidate, settings=self._settings.trial_settings)
+            nominal = Trial(candidate=candidate, settings=self._settings.walk)
             end = end_of_proposal(self._settings, iteration, first)
             own = replace(nominal, settings=on_ground(nominal.settings, self._settings, end))
             for variation, id_ in enumerate(self._ids(number)):

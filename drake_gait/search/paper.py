@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drake_gait.gait import FRAMES, FloatArray
+from drake_gait.gait import FloatArray
 from drake_gait.optimizers import isade
 from drake_gait.problem import PENALTY
 from drake_gait.search.proposer import (
@@ -18,7 +18,7 @@ from drake_gait.search.seeding import Purpose, seed_of
 from drake_gait.study.ranking import Sample
 from drake_gait.study.settings import StudySettings
 from drake_gait.surrogates import ensemble as surrogate
-from drake_gait.surrogates.ensemble import Network
+from drake_gait.surrogates.prediction import Network
 from drake_gait.surrogates.settings import PAPER_NETWORK, NetworkSettings
 
 
@@ -48,6 +48,7 @@ class PaperProcedure:
         self.name = f"PaperProcedure({self._isade}, {self._network})"
         self.samples = settings.search.samples
         self._names = (*settings.outputs, "frames")
+        self._frames = settings.space.middle.gait.frames
 
     def vintage(self, iteration: int) -> int:
         """Its own: each network knows all walks."""
@@ -59,7 +60,8 @@ class PaperProcedure:
             return None
         settings, walks = self._settings, all_walks(known)
         x, outputs, _ = training_data(walks, settings.space, settings.outputs)
-        frames = [[float(walk.walk.frames)] for walk in walks]
+        missing = [walk.walk.planned - walk.walk.frames for walk in walks]
+        frames = [[float(self._frames - one)] for one in missing]
         targets = np.nan_to_num(np.column_stack([outputs, frames]))
         return surrogate.fit_single(
             x,
@@ -93,7 +95,7 @@ class PaperProcedure:
 
     def _fitness(self, expected: FloatArray) -> FloatArray:
         column = self._names.index
-        violation = np.maximum((FRAMES - expected[:, column("frames")]) / FRAMES, 0.0)
+        violation = np.maximum((self._frames - expected[:, column("frames")]) / self._frames, 0.0)
         for limit in self._settings.constraints.limits:
             violation += np.maximum(limit.excess(expected[:, column(limit.quantity)]), 0.0)
         gain = expected[:, column(self._settings.search.objective.quantity)]

@@ -16,7 +16,7 @@ from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
 
 if TYPE_CHECKING:  # It loads torch, which a proposer need not know.
-    from drake_gait.surrogates.ensemble import Network
+    from drake_gait.surrogates.prediction import Network
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,7 +20,7 @@ from drake_gait.search.seeding import Purpose, seed_of
 from drake_gait.study.ranking import Sample
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
-from drake_gait.surrogates.ensemble import BoolArray, IntArray, Network
+from drake_gait.surrogates.prediction import BoolArray, IntArray, Network
 
 _NEIGHBOURS = 4
 """Feasible candidates that are averaged with one."""

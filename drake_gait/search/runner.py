@@ -4,6 +4,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,8 +16,10 @@ from drake_gait.search.seeding import Purpose, generator
 from drake_gait.study.records import StudyWalk
 from drake_gait.study.settings import StudySettings
 from drake_gait.study.store import Study
-from drake_gait.surrogates.ensemble import Surrogate
 from drake_gait.walk import Walk
+
+if TYPE_CHECKING:  # It loads torch, which whoever asks how a walk was simulated need not.
+    from drake_gait.surrogates.ensemble import Surrogate
 
 Evaluate = Callable[[Sequence[Trial]], Iterable[Finished]]
 """Starts to simulate trials, and yields them as they finish, in any order."""
@@ -38,7 +41,7 @@ class Progress:
     """The other walks by what kept them from their last frame, as Walk.failure says it."""
     best: StudyWalk | None
     """The best feasible walk, by distance or by whatever the study wants."""
-    network: Surrogate | None
+    network: "Surrogate | None"
     """The latest network, when one has been trained since the command was started."""
     confirmations: int = 0
     """Walks simulated to confirm others."""
@@ -89,7 +92,7 @@ class Runner:
     report: Callable[[Progress], None]
     walks: dict[int, StudyWalk] = field(init=False)
     """Every walk that is known, by its id."""
-    network: Surrogate | None = field(init=False, default=None)
+    network: "Surrogate | None" = field(init=False, default=None)
     """The latest network, for the report."""
     _under_way: "list[_Batch]" = field(init=False, default_factory=list)
     _best: tuple[float, int] = field(init=False, default=(np.inf, -1))
@@ -176,7 +179,10 @@ class Runner:
             nominal=plan.nominal,
             variation=plan.variation,
             candidate=plan.trial.candidate,
-            walk=evaluated(finished.walk, self._asked(plan)),
+            walk=replace(
+                evaluated(finished.walk, self._asked(plan)),
+                planned=plan.trial.candidate.gait.frames,
+            ),
             predicted=plan.predicted,
             seconds=finished.seconds,
         )
@@ -235,7 +241,7 @@ def _unasked(finished: Finished, planned: Sequence[Planned]) -> WorkerError:
 
 
 def perturbed(trial: Trial, settings: StudySettings, nominal: int, variation: int) -> Trial:
-    """A variation of a trial: noise on every coefficient, and another friction.
+    """A variation of a trial: noise on every angle of its gait, and another friction.
 
     Args:
         trial: The trial as it is.
@@ -246,8 +252,8 @@ def perturbed(trial: Trial, settings: StudySettings, nominal: int, variation: in
     plan = settings.confirmation
     rng = generator(settings.seed, Purpose.NOISE, nominal, variation)
     gait = trial.candidate.gait
-    noisy = gait.coefficients + plan.noise * rng.standard_normal(gait.coefficients.shape)
+    noise = plan.noise * rng.standard_normal(len(gait.variables))
     return Trial(
-        candidate=replace(trial.candidate, gait=replace(gait, coefficients=noisy)),
+        candidate=replace(trial.candidate, gait=gait.moved(noise)),
         settings=on_ground(trial.settings, settings, end_of_variation(variation)),
     )

@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from drake_gait.gait import FRAME_TIME, FRAMES, JOINTS, FloatArray
+from drake_gait.gait import FRAME_TIME, JOINTS, FloatArray
 from drake_gait.servo import Servo
 
 
@@ -61,7 +61,7 @@ class GaitSystem(LeafSystem):
         self._angles = self.DeclareNumericParameter(BasicVector(nowhere))
         self.set_name("gait")
         # One parameter and full rows: this port is asked in every step of a walk.
-        standing = np.zeros((FRAMES + 1, 2 * joints)), 0.0
+        standing = np.zeros((2, 2 * joints)), 0.0
         self._sent = self.DeclareAbstractParameter(AbstractValue.Make(standing))
         self.DeclareVectorOutputPort("desired_state", 2 * joints, self._calc_desired_state)
 

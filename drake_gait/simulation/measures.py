@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_gait.gait import CYCLE_TIME, FRAME_TIME, WALKING, FloatArray
+from drake_gait.gait import FRAME_TIME, STANDING, FloatArray, Schedule
 from drake_gait.walk import Measures
 
 _SATURATED = 1.0 - 1e-6  # of the stall torque
@@ -57,47 +57,64 @@ class Record:
     """Its acceleration [m/s²]."""
     load: float
     """Vertical force from which a foot counts as carrying load [N]."""
+    schedule: Schedule = STANDING.schedule
+    """The gait's cycle and frames; the paper's by default."""
 
 
-def measures_of(record: Record, *, forward: float, yaw_swing: float) -> Measures:
+def measures_of(record: Record, *, forward: float) -> Measures:
     """Return the measures of a walk.
 
     Args:
         record: What is known of it.
         forward: How far it went [m].
-        yaw_swing: The range of the torso's heading [rad].
     """
     time = record.time
     power = record.torques * record.speeds
     driving = np.maximum(power, 0.0).sum(axis=0)
     absolute = np.abs(power).sum(axis=0)
     positive = float(np.trapezoid(driving, time))
+    shares = np.abs(record.controllers) / record.stall[:, None]
     asked = np.abs(record.controllers) > _SATURATED * record.stall[:, None]
     spans = np.diff(time)
     right, left = (_sliding(record, foot) for foot in (0, 1))
     frame_loads = record.loads[:, record.frames]
     loaded = np.array([foot.sum(axis=0) for foot in np.split(frame_loads, 2)]) > record.load
     frame_times = time[record.frames]
-    cycle = (frame_times >= CYCLE_TIME) & (frame_times < 2.0 * CYCLE_TIME)
+    begin, end = record.schedule.second_cycle
+    cycle = (frame_times >= begin) & (frame_times < end)
     duty = loaded[:, cycle].mean(axis=1) if cycle.any() else np.full(2, np.nan)
     weight = record.mass * record.gravity
     # By momentum: forces read from a state that ends a step are not those of the step.
     growth = float(np.diff(record.rising).max(initial=0.0)) / (record.gravity * FRAME_TIME)
+    torques, speeds, drives = np.abs(record.torques), np.abs(record.speeds), power >= 0.0
     return Measures(
         energy=float(np.trapezoid(absolute, time)),
         positive_energy=positive,
         cost_of_transport=positive / (weight * forward) if forward > 0 else np.inf,
-        peak_torque=float(np.abs(record.torques).max()),
-        peak_speed=float(np.abs(record.speeds).max()),
+        peak_torque=float(torques.max()),
+        peak_speed=float(speeds.max()),
+        driving_torque=_peak(torques, drives),
+        braking_torque=_peak(torques, ~drives),
+        driving_speed=_peak(speeds, drives),
+        braking_speed=_peak(speeds, ~drives),
+        # On the line, where the controller asks for the stall torque, it is 1.
+        line_share=_peak(shares, drives),
         saturated_fraction=float(asked.mean(axis=0)[1:] @ spans) / max(float(time[-1]), FRAME_TIME),
         slip=(float(np.trapezoid(right, time)), float(np.trapezoid(left, time))),
-        clearance=(swing_clearance(record.sole_height[0]), swing_clearance(record.sole_height[1])),
+        clearance=(
+            swing_clearance(record.sole_height[0], record.schedule),
+            swing_clearance(record.sole_height[1], record.schedule),
+        ),
         duty_factor=(float(duty[0]), float(duty[1])),
         peak_ground_reaction=1.0 + growth,
         toe_range=tuple(record.toes.max(axis=1).tolist()),
-        yaw_swing=yaw_swing,
         torso_tilt=float(np.arccos(np.clip(record.upright.min(), -1.0, 1.0))),
     )
+
+
+def _peak(values: FloatArray, where: np.ndarray) -> float:
+    """Return the largest of some values; 0 of none."""
+    return float(values.max(initial=0.0, where=where))
 
 
 def _sliding(record: Record, foot: int) -> FloatArray:
@@ -109,21 +126,22 @@ def _sliding(record: Record, foot: int) -> FloatArray:
     return found
 
 
-def swing_clearance(height: FloatArray) -> float:
+def swing_clearance(height: FloatArray, schedule: Schedule = STANDING.schedule) -> float:
     """Return the minimum toe clearance of a foot in the lowest of its swings [m].
 
-    A swing lasts from lift-off to touch-down, between 0.3 and 3.3 s: while no point of foot and
-    toes touches the ground. Its clearance is the least height from its first to its last maximum.
-    That is the local minimum in mid-swing (Winter 1992; Begg et al. 2007), or the top of a swing
-    with one maximum. Lift-off and touch-down, where every toe is at the ground, do not count.
+    A swing lasts from lift-off to touch-down, while the gait walks: no point of foot and toes
+    touches the ground. Its clearance is the least height from its first to its last maximum. That
+    is the local minimum in mid-swing (Winter 1992; Begg et al. 2007), or the top of a swing with
+    one maximum. Lift-off and touch-down, where every toe is at the ground, do not count.
 
     Args:
         height: Height of the foot's lowest point at each frame from time 0 [m], shape (n,).
+        schedule: The gait's frames.
 
     Returns:
         0 for a foot without a whole swing: it stands, drags its toe, or stays in the air.
     """
-    frames = height[WALKING[0] - 1 : WALKING[1] + 1]
+    frames = height[max(schedule.begin - 1, 0) : schedule.end + 1]
     aloft = np.concatenate([[0], frames > 0.0, [0]])
     swings = np.flatnonzero(np.diff(aloft)).reshape(-1, 2)
     whole = [

@@ -49,8 +49,7 @@ class Meter:
         )
         """Largest torque of each controller [N·m], shape (m,)."""
         # Stall torque and no-load speed both scale with the voltage: their ratio stays.
-        voltage = config.voltage * config.servo.voltage
-        self.back_emf: FloatArray = self.stall / (voltage * config.servo.no_load_speed)
+        self.back_emf: FloatArray = self._servo.back_emf(self.stall, config.supply)
         """Torque that each motor loses to its speed [N·m·s/rad], shape (m,)."""
         joints = [actuator.joint() for actuator in actuators(plant)]
         self._angles = [joint.position_start() for joint in joints]
@@ -89,11 +88,8 @@ class Meter:
         frames, servo = _frames(time), self._servo
         speeds = states[self._speeds]
         error = servo.engaged(commands_at(commands, time - delay).T - states[self._angles])
-        asked = servo.stiffness * error - servo.damping * speeds
-        controllers = np.clip(asked, -self.stall[:, None], self.stall[:, None])
-        torques = controllers - self.back_emf[:, None] * speeds
-        if servo.has_friction:
-            torques = torques + servo.friction_torque(torques, speeds)
+        controllers = servo.controller_torque(error, speeds, self.stall[:, None])
+        motors = servo.motor_torque(controllers, speeds, self.back_emf[:, None])
         motions = self._kinematics.motions(states.astype(_PRECISION))
         pressed = [tread.load(motions[link]) for link, tread, _ in self._plates]
         at_frames = {link: motion.at(frames) for link, motion in motions.items()}
@@ -105,7 +101,7 @@ class Meter:
             frames=frames,
             speeds=speeds,
             controllers=controllers,
-            torques=torques,
+            torques=servo.joint_torque(motors, speeds),
             stall=self.stall,
             loads=np.array([load for load, _ in pressed]),
             sliding=np.array([sliding for _, sliding in pressed]),

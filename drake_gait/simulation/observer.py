@@ -15,7 +15,7 @@ from pydrake.multibody.plant import ContactResults
 from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import Context, EventStatus
 
-from drake_gait.gait import CYCLE_TIME, FRAME_TIME, FloatArray
+from drake_gait.gait import FRAME_TIME, STANDING, FloatArray, Schedule
 from drake_gait.simulation.contact import ground_of
 from drake_gait.simulation.measures import swing_clearance
 from drake_gait.simulation.messages import default_context
@@ -52,6 +52,7 @@ class Observer:
         sent: FloatArray | None = None,
         mass: float = 1.0,
         delay: float = 0.0,
+        schedule: Schedule = STANDING.schedule,
     ) -> None:
         """Watch a robot.
 
@@ -61,7 +62,9 @@ class Observer:
             sent: What its servos get [rad], shape (n_frames, m), where it differs.
             mass: Factor on the mass of every link.
             delay: Time by which the servos act on a command late [s].
+            schedule: The gait's cycle and frames; the paper's by default.
         """
+        self._schedule = schedule
         self._robot, self._commands, self._mass_factor = robot, commands, mass
         servo = self._servo = robot.config.servo
         sent = robot.joints.sent(commands) if sent is None else sent
@@ -80,8 +83,7 @@ class Observer:
         self._toe_positions = toe_positions(plant, told)
         self._absent = [np.nan if hinge is None else 0.0 for hinge in told.hinges]
         self._stall = robot.meter.stall
-        voltage = robot.config.voltage * servo.voltage
-        self._back_emf: FloatArray = self._stall / (voltage * servo.no_load_speed)
+        self._back_emf: FloatArray = servo.back_emf(self._stall, robot.config.supply)
         self._feet = [[plant.GetBodyByName(link) for link in leg.plates] for leg in told.legs]
         self._corners = [[sole_corners(robot, body) for body in foot] for foot in self._feet]
         self._geometries = {
@@ -95,6 +97,8 @@ class Observer:
         self._last: tuple[float, FloatArray, FloatArray] | None = None
         self._positive, self._absolute, self._saturated = 0.0, 0.0, 0.0
         self._peak_torque, self._peak_speed = 0.0, 0.0
+        # Of torques, speeds and shares of the line: while servos drive, and while they brake.
+        self._apart: FloatArray = np.zeros((2, 3))
         self._slip: FloatArray = np.zeros(2)
         self._rising: list[float] = []  # Vertical speed of the centre of mass at the frames [m/s].
 
@@ -115,6 +119,10 @@ class Observer:
         self._last = time, power, sliding
         self._peak_torque = max(self._peak_torque, float(np.abs(torques).max()))
         self._peak_speed = max(self._peak_speed, float(np.abs(speeds).max()))
+        sizes = np.abs([torques, speeds, controller / self._stall])
+        for place, which in enumerate((power >= 0.0, power < 0.0)):
+            peaks = sizes.max(axis=1, initial=0.0, where=which)
+            self._apart[place] = np.maximum(self._apart[place], peaks)
         return EventStatus.DidNothing()
 
     def record(self, context: Context) -> None:
@@ -152,16 +160,17 @@ class Observer:
             name: np.array([frame[name] for frame in self._frames]) for name in self._frames[0]
         }
         stacked["torso"][:, 3:] = np.unwrap(stacked["torso"][:, 3:], axis=0)
-        return History(**stacked)
+        return History(**stacked, schedule=self._schedule)
 
-    def measures(self, history: History, forward: float, yaw_swing: float) -> Measures:
-        """The measures of a walk with this history that went `forward` [m] and swung so [rad]."""
+    def measures(self, history: History, forward: float) -> Measures:
+        """Return the measures of a walk with this history that went `forward` [m]."""
         plant = self._robot.plant
         gravity = np.abs(plant.gravity_field().gravity_vector()[2])
         mass = self._mass_factor * plant.CalcTotalMass(plant.CreateDefaultContext())
         weight = mass * gravity
         loaded = history.ground_reaction[:, :, 2] > self._robot.meter.load
-        cycle = (history.time >= CYCLE_TIME) & (history.time < 2.0 * CYCLE_TIME)
+        begin, end = self._schedule.second_cycle
+        cycle = (history.time >= begin) & (history.time < end)
         duty = loaded[cycle].mean(axis=0) if cycle.any() else np.full(2, np.nan)
         roll, pitch = history.torso[:, 3], history.torso[:, 4]
         tilt = np.arccos(np.clip(np.cos(roll) * np.cos(pitch), -1.0, 1.0))
@@ -171,18 +180,22 @@ class Observer:
             cost_of_transport=float(self._positive / (weight * forward)) if forward > 0 else np.inf,
             peak_torque=self._peak_torque,
             peak_speed=self._peak_speed,
+            driving_torque=float(self._apart[0, 0]),
+            braking_torque=float(self._apart[1, 0]),
+            driving_speed=float(self._apart[0, 1]),
+            braking_speed=float(self._apart[1, 1]),
+            line_share=float(self._apart[0, 2]),
             saturated_fraction=float(self._saturated / max(history.time[-1], FRAME_TIME)),
             slip=(float(self._slip[0]), float(self._slip[1])),
             clearance=(
-                swing_clearance(history.sole_height[:, 0]),
-                swing_clearance(history.sole_height[:, 1]),
+                swing_clearance(history.sole_height[:, 0], self._schedule),
+                swing_clearance(history.sole_height[:, 1], self._schedule),
             ),
             duty_factor=(float(duty[0]), float(duty[1])),
             # By momentum: forces read from a state that ends a step are not those of the step.
             peak_ground_reaction=1.0
             + float(np.diff(self._rising).max(initial=0.0)) / (gravity * FRAME_TIME),
             toe_range=tuple(np.nan_to_num(history.toes.max(axis=0)).tolist()),
-            yaw_swing=yaw_swing,
             torso_tilt=float(tilt.max()),
         )
 
@@ -208,10 +221,8 @@ class Observer:
         speeds = plant.GetVelocities(plant_context)[self._joint_velocities]
         port = plant.get_net_actuation_output_port()
         controller = cast(FloatArray, port.Eval(plant_context))
-        torques = controller - self._back_emf * speeds
-        if self._servo.has_friction:
-            torques = torques + self._servo.friction_torque(torques, speeds)
-        return controller, speeds, torques
+        motor = self._servo.motor_torque(controller, speeds, self._back_emf)
+        return controller, speeds, self._servo.joint_torque(motor, speeds)
 
     def _contacts(self, plant_context: Context) -> list[Touch]:
         """Return the touches of feet and ground: patches of surfaces, and points."""

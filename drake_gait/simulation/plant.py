@@ -351,8 +351,8 @@ def _add_servos(plant: MultibodyPlant, servo: Servo, model: RobotModel) -> None:
             # A limit that is never reached costs the solver a fifth of a walk's time.
             joint.set_position_limits(_NEVER[0], _NEVER[1])
         actuator.set_controller_gains(PdControllerGains(p=servo.stiffness, d=servo.damping))
-        back_emf = actuator.effort_limit() / servo.no_load_speed
-        damping: FloatArray = np.array([joint.default_damping_vector()[0] + back_emf])
+        back_emf = servo.back_emf(np.array([actuator.effort_limit()]))
+        damping: FloatArray = joint.default_damping_vector() + back_emf
         joint.set_default_damping_vector(damping)
 
 
@@ -455,7 +455,7 @@ def build_robot(config: PlantConfig, *, logged: bool = False) -> Robot:
         diagram=builder.Build(),
     )
     # Back-EMF per speed is stall torque / no-load speed, which both scale: it stays.
-    found.scale_stall_torques(config.voltage * config.servo.voltage)
+    found.scale_stall_torques(config.supply)
     return found
 
 

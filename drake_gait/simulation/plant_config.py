@@ -29,3 +29,8 @@ class PlantConfig:
     """Factor on the supply voltage: on the stall torque and on the no-load speed."""
     time_step: float = 0.0
     """Of Drake's discrete plant with its lagged solver [s]; 0: a continuous plant."""
+
+    @property
+    def supply(self) -> float:
+        """Return supply voltage / rated voltage of the servos."""
+        return self.voltage * self.servo.voltage

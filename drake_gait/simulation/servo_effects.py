@@ -99,9 +99,7 @@ def _friction_of(robot: Robot) -> DryFriction:
         port = gait.GetOutputPort("desired_state")
         desired = cast(FloatArray, port.Eval(gait.GetMyContextFromRoot(context)))[: len(names)]
         state = plant.GetPositionsAndVelocities(plant.GetMyContextFromRoot(context))
-        asked = servo.stiffness * (desired - state[angles]) - servo.damping * state[speeds]
-        held: FloatArray = np.clip(asked, -meter.stall, meter.stall)
-        found: FloatArray = held - meter.back_emf * state[speeds]
-        return found
+        controllers = servo.controller_torque(desired - state[angles], state[speeds], meter.stall)
+        return servo.motor_torque(controllers, state[speeds], meter.back_emf)
 
     return DryFriction(plant, names, servo, motors)

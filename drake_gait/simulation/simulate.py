@@ -16,7 +16,7 @@ from pydrake.systems.primitives import VectorLogSink
 
 from drake_gait.errors import ModelError, SettingsError
 from drake_gait.foot import FootDesign
-from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray, joint_commands
+from drake_gait.gait import FRAME_TIME, FloatArray, Schedule, joint_commands, schedule_of
 from drake_gait.problem import Candidate, Needs, Trial, evaluated
 from drake_gait.robot.description import RobotModel, read_model, servo_of
 from drake_gait.simulation.measures import measures_of
@@ -85,7 +85,7 @@ def simulate(
     history: bool = False,
     watch: Watch | None = None,
 ) -> Walk:
-    """Walk a candidate for 4.8 s from a standing start.
+    """Walk a candidate from a standing start, for the time of its gait.
 
     The same candidate and settings give the same numbers, bit for bit, in any process.
 
@@ -99,8 +99,9 @@ def simulate(
         ModelError: the robot description cannot be used.
     """
     settings = settings or WalkSettings()
-    commands = candidate.gait.commands_from(settings.start)
-    return follow(commands, candidate.foot, settings, history=history, watch=watch)
+    gait, foot = candidate.gait, candidate.foot
+    commands, schedule = gait.commands_from(settings.start), gait.schedule
+    return follow(commands, foot, settings, schedule=schedule, history=history, watch=watch)
 
 
 def walk_trial(trial: Trial, model: RobotModel | None = None) -> Walk:
@@ -120,15 +121,18 @@ def follow(
     foot: FootDesign | None = None,
     settings: WalkSettings | None = None,
     *,
+    schedule: Schedule | None = None,
     history: bool = False,
     watch: Watch | None = None,
 ) -> Walk:
-    """Let the servos follow any joint commands from a standing start, for 4.8 s.
+    """Let the servos follow any joint commands from a standing start.
 
     Args:
-        commands: Joint angles [rad], shape (241, 10), columns as gait.JOINTS, one row a frame.
+        commands: Joint angles [rad], shape (n + 1, 10), columns as gait.JOINTS, one row a frame.
         foot: The toes; the paper's by default.
         settings: How to simulate; by default the shipped robot at search fidelity.
+        schedule: The cycle and the frames of the gait, which measures and figures know it by; by
+            default the paper's, or that of one walk from end to end.
         history: Whether to record time histories at the control frames.
         watch: Told of every frame as it is reached.
 
@@ -138,13 +142,18 @@ def follow(
     """
     commands = joint_commands(commands)
     foot, settings = foot or FootDesign(), _whole(settings or WalkSettings())
+    schedule = schedule or schedule_of(len(commands) - 1)
     if settings.engine is Engine.MUJOCO:
-        return follow_in_mujoco()(commands, foot, settings, history=history, watch=watch)
+        walk = follow_in_mujoco()(
+            commands, foot, settings, schedule=schedule, history=history, watch=watch
+        )
+        return replace(walk, planned=schedule.frames)
     robot, context = prepare(commands, foot, settings)
-    observer = _observer(robot, commands, settings) if history else None
+    observer = _observer(robot, commands, settings, schedule) if history else None
     with drake_messages():
         sent = _sent(robot, commands, settings)
-        return _advance(robot, context, settings, sent, observer=observer, watch=watch)
+        walk = _advance(robot, context, settings, sent, schedule, observer=observer, watch=watch)
+    return replace(walk, planned=schedule.frames)
 
 
 def measured_at_every_step(candidate: Candidate, settings: WalkSettings) -> tuple[Walk, Measures]:
@@ -156,13 +165,13 @@ def measured_at_every_step(candidate: Candidate, settings: WalkSettings) -> tupl
         ModelError: the robot description cannot be used.
     """
     settings = _whole(settings)
-    commands = candidate.gait.commands_from(settings.start)
+    commands, schedule = candidate.gait.commands_from(settings.start), candidate.gait.schedule
     robot, context = prepare(commands, candidate.foot, settings)
-    observer, sent = _observer(robot, commands, settings), _sent(robot, commands, settings)
+    sent = _sent(robot, commands, settings)
+    observer = _observer(robot, commands, settings, schedule)
     with drake_messages():
-        walk = _advance(robot, context, settings, sent, observer=observer, monitored=True)
-    measures = observer.measures(observer.history(), walk.forward, walk.yaw_swing or 0.0)
-    return walk, measures
+        walk = _advance(robot, context, settings, sent, schedule, observer=observer, monitored=True)
+    return walk, observer.measures(observer.history(), walk.forward)
 
 
 def _whole(settings: WalkSettings) -> WalkSettings:
@@ -193,14 +202,17 @@ def try_out(candidate: Candidate, settings: WalkSettings) -> None:
     """
     settings = _whole(settings)
     commands, foot = candidate.gait.commands_from(settings.start), candidate.foot
+    schedule, frames = candidate.gait.schedule, min(_TRIED_OUT, candidate.gait.frames)
     if settings.engine is Engine.MUJOCO:
-        walk = follow_in_mujoco()(commands, foot, settings, history=True, frames=_TRIED_OUT)
+        walk = follow_in_mujoco()(commands, foot, settings, history=True, frames=frames)
     else:
         robot, context = prepare(commands, foot, settings)
         with drake_messages():
-            observer = _observer(robot, commands, settings)
+            observer = _observer(robot, commands, settings, schedule)
             sent = _sent(robot, commands, settings)
-            walk = _advance(robot, context, settings, sent, observer=observer, frames=_TRIED_OUT)
+            walk = _advance(
+                robot, context, settings, sent, schedule, observer=observer, frames=frames
+            )
     if not walk.survived:
         raise ModelError(
             f"{settings.model}: the robot does not walk for {_TRIED_OUT * FRAME_TIME:g} s: "
@@ -244,10 +256,12 @@ def _sent(robot: Robot, commands: FloatArray, settings: WalkSettings) -> FloatAr
     return robot.joints.sent(commands + zeros)
 
 
-def _observer(robot: Robot, commands: FloatArray, settings: WalkSettings) -> Observer:
+def _observer(
+    robot: Robot, commands: FloatArray, settings: WalkSettings, schedule: Schedule
+) -> Observer:
     mass = (settings.disturbance or Disturbance()).mass
     sent = _sent(robot, commands, settings)
-    return Observer(robot, commands, sent=sent, mass=mass, delay=settings.delay)
+    return Observer(robot, commands, sent=sent, mass=mass, delay=settings.delay, schedule=schedule)
 
 
 @lru_cache(maxsize=4)
@@ -331,13 +345,15 @@ def _advance(
     context: Context,
     settings: WalkSettings,
     sent: FloatArray,
+    schedule: Schedule,
     *,
     observer: Observer | None = None,
     monitored: bool = False,
     watch: Watch | None = None,
-    frames: int = FRAMES,
+    frames: int | None = None,
 ) -> Walk:
-    """Step through the frames until the end, a fall or a failure."""
+    """Step through the frames, all by default, until the end, a fall or a failure."""
+    frames = schedule.frames if frames is None else frames
     plant = robot.plant
     torso = plant.GetBodyByName(robot.model.robot.torso)
     pose = slice(torso.floating_positions_start(), torso.floating_positions_start() + 7)
@@ -358,7 +374,7 @@ def _advance(
         simulator.set_monitor(lambda root: [monitor(root) for monitor in monitors][-1])
     postures: list[Posture] = []
     stride = 1 if observer or watch else _FRAMES_AT_A_TIME
-    for frame in range(stride, frames + 1, stride):
+    for frame in (*range(stride, frames, stride), frames):
         failure = ""
         try:
             # Ctrl-C is heard between two calls; Drake would look for it in every step.
@@ -384,8 +400,7 @@ def _advance(
     walk = walk_of(postures, _centres_of_mass(robot, positions[[0, end]]), fall, frames)
     if walk.outcome is Outcome.DIVERGED:
         return walk
-    swung = walk.forward, walk.yaw_swing or 0.0
-    measured = _measures(robot, context, settings, sent, end=end, walk=swung)
+    measured = _measures(robot, context, settings, sent, schedule, end=end, forward=walk.forward)
     return replace(walk, history=observer.history() if observer else None, measures=measured)
 
 
@@ -394,9 +409,10 @@ def _measures(
     context: Context,
     settings: WalkSettings,
     sent: FloatArray,
+    schedule: Schedule,
     *,
     end: int,
-    walk: tuple[float, float],
+    forward: float,
 ) -> Measures:
     """Return the measures of a walk up to the frame `end`, from what Drake has logged."""
     log = cast(VectorLogSink, robot.steps).FindLog(context)
@@ -408,7 +424,7 @@ def _measures(
         record = robot.meter.record(
             time[:count], states[:, :count], sent, mass, delay=settings.delay
         )
-        return measures_of(record, forward=walk[0], yaw_swing=walk[1])
+        return measures_of(replace(record, schedule=schedule), forward=forward)
 
 
 def _centres_of_mass(robot: Robot, postures: FloatArray) -> list[FloatArray]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from drake_gait.errors import SettingsError, StudyError
 from drake_gait.files.strict_json import from_json
 from drake_gait.foot import FootDesign
+from drake_gait.gait import AnyGait, Gait, gait_of
 from drake_gait.study._toml import as_toml
 from drake_gait.study.finalists import winner
 from drake_gait.study.keys import FOOT
@@ -29,7 +30,9 @@ class EarlierWinner:
     """The gait and the foot of a study's winner, or of its best walk."""
 
     coefficients_deg: Any
-    """Coefficients [degrees], 4 rows of 4, not checked yet."""
+    """Coefficients [degrees], 4 rows of 4, not checked yet; None of another family's gait."""
+    gait: AnyGait | None = None
+    """The gait of another family than the paper's."""
     foot: Mapping[str, Any] | None
     """Keys of a study's [foot] with their values; None where no foot is told."""
 
@@ -82,9 +85,11 @@ def _of_database(
     best = robust.walk if robust else None
     if best is None:
         best = best_walk(searched, settings.constraints, settings.search.objective)
+    gait = best.candidate.gait
     # As result.json has them, so that both begin at the same gait to the last digit.
     return EarlierWinner(
-        coefficients_deg=best.candidate.gait.degrees.tolist(),
+        coefficients_deg=gait.degrees.tolist() if isinstance(gait, Gait) else None,
+        gait=None if isinstance(gait, Gait) else gait,
         foot=foot_in_file(asdict(best.candidate.foot)),
     )
 
@@ -93,6 +98,7 @@ def _of_result(path: Path, content: bytes) -> EarlierWinner | None:
     try:
         result = from_json(content)
         coefficients, foot = result["coefficients_deg"], result.get("foot")
+        best = None if coefficients else result.get("best")
         told = None if foot is None else foot_in_file(asdict(FootDesign(**foot)))
     except SettingsError as error:
         raise SettingsError(f"{path} has a foot that cannot be used: {error}") from None
@@ -100,7 +106,14 @@ def _of_result(path: Path, content: bytes) -> EarlierWinner | None:
         raise SettingsError(
             f"{path} is no result.json of a study; give one, a study.db or a study's folder"
         ) from None
-    return coefficients and EarlierWinner(coefficients_deg=coefficients, foot=told)
+    if coefficients:
+        return EarlierWinner(coefficients_deg=coefficients, foot=told)
+    try:
+        return best and EarlierWinner(
+            coefficients_deg=None, gait=gait_of(best["candidate"]), foot=told
+        )
+    except (SettingsError, KeyError, TypeError) as error:
+        raise SettingsError(f"{path} has a gait that cannot be used: {error}") from None
 
 
 def foot_in_file(foot: Mapping[str, Any]) -> dict[str, Any]:

@@ -83,7 +83,7 @@ class Finalist:
     servo_feasible: int
     """How many of them are feasible."""
     measured: StudyWalk | None
-    """The same walk again, with its measures."""
+    """Its own walk, if it has measures; in older studies the same walk again."""
     reference: StudyWalk | None
     """The candidate at reference fidelity, without noise."""
     other_sole: StudyWalk | None = None
@@ -165,9 +165,15 @@ def winner(settings: "StudySettings", walks: Sequence[StudyWalk]) -> Finalist | 
 
 def best_unslipping(settings: "StudySettings", walks: Sequence[StudyWalk]) -> StudyWalk | None:
     """The best feasible walk that slips by less than a tenth of its distance, of those measured."""
-    found = [one for one in _looked_at(settings, walks) if one.slipping is False]
-    ranked = sorted(found, key=lambda one: settings.assess(one.walk.walk).objective)
-    return ranked[0].walk if ranked else None
+    known = measured(walks)
+    found = []
+    for one in walks:
+        if not (one.is_nominal or one.is_mean) or one.id not in known:
+            continue
+        assessment = settings.assess(one.walk)
+        if assessment.feasible and not shuffles(known[one.id].slip, one.walk.forward):
+            found.append((assessment.objective, one.id, one))
+    return min(found)[2] if found else None
 
 
 def shuffles(slip: Sequence[float], forward: float) -> bool:
@@ -176,11 +182,11 @@ def shuffles(slip: Sequence[float], forward: float) -> bool:
 
 
 def measured(walks: Sequence[StudyWalk]) -> dict[int, Measures]:
-    """Measures by a walk's id: its own, or those of the same walk again."""
+    """Measures by a walk's id: its own, or in older studies those of the same walk again."""
     found = {}
     for walk in walks:
-        same = walk.id if walk.is_search_walk or walk.variation != 0 else walk.nominal
-        if walk.walk.measures is not None and same is not None:
+        same = walk.confirms if walk.variation == 0 and walk.confirms is not None else walk.id
+        if walk.walk.measures is not None:
             found[same] = walk.walk.measures
     return found
 
@@ -193,8 +199,8 @@ def _looked_at(settings: "StudySettings", walks: Sequence[StudyWalk]) -> list[Fi
     by_id = {walk.id: walk for walk in walks}
     own: dict[int, dict[int, StudyWalk]] = {}
     for walk in walks:
-        if not walk.is_search_walk and walk.nominal is not None:
-            own.setdefault(walk.nominal, {})[walk.variation] = walk
+        if walk.confirms is not None:
+            own.setdefault(walk.confirms, {})[walk.variation] = walk
     # The walks of a mean may be known before its own: they are under way together.
     return [
         _finalist(settings, by_id[number], found)
@@ -225,7 +231,6 @@ def _finalist(settings: "StudySettings", nominal: StudyWalk, own: dict[int, Stud
         if feasible[test] < plan.feasible or tier != test - 1:
             break
         tier = test
-    measured = nominal if nominal.walk.measures and nominal.is_mean else None
     found = Finalist(
         walk=nominal,
         tier=tier,
@@ -236,7 +241,7 @@ def _finalist(settings: "StudySettings", nominal: StudyWalk, own: dict[int, Stud
         converged_feasible=feasible[Tier.CONVERGED],
         servo=tests[Tier.SERVO],
         servo_feasible=feasible[Tier.SERVO],
-        measured=own.get(0, measured),
+        measured=nominal if nominal.walk.measures else own.get(0),
         reference=own.get(REFERENCE),
         other_sole=own.get(OTHER_SOLE),
         other_engine=own.get(OTHER_ENGINE),

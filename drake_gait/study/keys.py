@@ -10,7 +10,8 @@ from typing import Any
 
 from drake_gait import servo
 from drake_gait.foot import N_MM_PER_DEG
-from drake_gait.gait import TERMS, WAVEFORMS
+from drake_gait.gait import PAPER, TERMS, WAVEFORMS, GaitFamily, PaperFamily
+from drake_gait.gait.families import SHIPPED
 from drake_gait.problem import BUILT_IN, Quantity
 from drake_gait.ranges import DEGREES, MM, MS, NONE, SECONDS, Unit
 from drake_gait.study.search_settings import CHANGES, SearchSettings
@@ -50,15 +51,33 @@ WALK: Table = {
     "time_limit_s": ("time_limit", SECONDS),
     "friction": ("friction", NONE),
 }
+
+
+def setting_keys(family: type[GaitFamily]) -> Table:
+    """Return the keys of [gait] that are settings of a family."""
+    return {
+        f"{name}_{unit.suffix}" if unit.suffix else name: (name, unit)
+        for name, unit in family.setting_units().items()
+    }
+
+
+def box_keys(family: GaitFamily, corner: str) -> Table:
+    """Return the keys of [box.centre] or [box.half_width], with the fields of a DesignSpace."""
+    return {one.key: (f"{corner}.{one.name}", one.unit) for one in family.variables}
+
+
 BOX: Table = {"centre_deg": ("centre", DEGREES), "half_width_deg": ("half_width", DEGREES)}
+
+GAIT: Table = setting_keys(PaperFamily)
+"""Settings of every gait family."""
 
 KEYS = {
     "study": ("name", "question", "seed", "quantities"),
     "search": tuple(field.name for field in fields(SearchSettings)),
     "confirmation": tuple(CONFIRMATION),
-    "box": ("chosen", "centre_deg", "centre_from", "half_width_deg"),
+    "box": ("chosen", "centre_deg", "centre_from", "half_width_deg", "centre", "half_width"),
     "constraints": tuple(CONSTRAINTS),
-    "gait": ("start",),
+    "gait": ("family", "start", *GAIT),
     "robot": ("file", "model"),
     "walk": ("model", "engine", "sole", "fidelity", *WALK),
     "servo": tuple(SERVO),
@@ -79,6 +98,10 @@ OLDER = {
     "confirmation.supply_voltage": 0.1,
     "confirmation.transfer": False,
     "confirmation.transfer_distance": 0.1,
+    "gait.cycles": PAPER.cycles,
+    "gait.family": PAPER.name,
+    "gait.period": PAPER.period,
+    "gait.standing": PAPER.standing,
     "gait.start": "paper",
     "robot.file": "",
     "search.grounds": False,
@@ -96,6 +119,9 @@ OLDER = {
 }
 """Settings that a description of an older study lacks, with what it walked with."""
 
+DROPPED = {("walk", "measures"): "every walk has its measures"}
+"""Settings of older versions that are without effect, by section and key, and the reason."""
+
 _IN_FILE = {
     f"{section}.{field}": (f"{section}.{key}", unit)
     for section, table in {
@@ -106,18 +132,31 @@ _IN_FILE = {
         "design": FOOT,
         "walk": WALK,
         "box": BOX,
+        "gait": {key: one for kind in SHIPPED.values() for key, one in setting_keys(kind).items()},
     }.items()
     for key, (field, unit) in table.items()
 }
 
 
-def keys(own: Iterable[Quantity] = ()) -> dict[str, tuple[str, ...]]:
-    """Return every section of a study's file and its keys, those of own quantities too."""
-    return {**KEYS, "constraints": (*CONSTRAINTS, *(one.key for one in own))}
+def keys(
+    own: Iterable[Quantity] = (), family: type[GaitFamily] = PaperFamily
+) -> dict[str, tuple[str, ...]]:
+    """Return every section of a study's file and its keys, of own quantities and a family too."""
+    start = ("start",) if family is PaperFamily else ()
+    return {
+        **KEYS,
+        "constraints": (*CONSTRAINTS, *(one.key for one in own)),
+        "gait": ("family", *start, *setting_keys(family)),
+    }
 
 
-def in_file(name: str, own: Iterable[Quantity] = ()) -> tuple[str, Unit]:
+def in_file(
+    name: str, own: Iterable[Quantity] = (), family: type[GaitFamily] = PaperFamily
+) -> tuple[str, Unit]:
     """Return the key and the unit in a file of a setting that is named as in a description."""
+    for key, (field, unit) in setting_keys(family).items():
+        if name == f"gait.{field}":
+            return f"gait.{key}", unit
     for one in own:
         if name == f"constraints.{one.name}":
             return f"constraints.{one.key}", one.unit
@@ -130,10 +169,15 @@ def difference(name: str, was: Any, now: Any, own: Iterable[Quantity] = ()) -> s
     Args:
         name: The setting, as a description names it.
         was: Its value in a study, in SI units.
-        now: Its value now; of a table of coefficients the first that differs is told.
+        now: Its value now; of a table of coefficients, or of values by their names, the first that
+            differs is told.
         own: Quantities of the study's own.
     """
     key, unit = in_file(name, own)
+    if name in ("box.centre", "box.half_width") and isinstance(was, dict) and isinstance(now, dict):
+        names = [one for one in {**was, **now} if was.get(one) != now.get(one)]
+        others = f" ({len(names) - 1} more differ)" if len(names) > 1 else ""
+        return f"{name}.{names[0]} = {_pair(was.get(names[0]), now.get(names[0]), NONE)}{others}"
     tables = [isinstance(value, list) and len(value) == len(WAVEFORMS) for value in (was, now)]
     if name in ("box.centre", "box.half_width") and all(tables):
         places = [

@@ -16,7 +16,8 @@ from drake_gait.errors import SettingsError
 from drake_gait.files.shipped import shipped_folder
 from drake_gait.files.text import read_text
 from drake_gait.foot import FootDesign
-from drake_gait.gait import Start
+from drake_gait.gait import PAPER, GaitFamily, PaperFamily, Start
+from drake_gait.gait.families import family_kind, is_file
 from drake_gait.problem import (
     Constraints,
     DesignSpace,
@@ -44,13 +45,16 @@ from drake_gait.study.keys import (
     BOX,
     CONFIRMATION,
     CONSTRAINTS,
+    DROPPED,
     FOOT,
     KEYS,
     MEASURED_CONFIRMATION,
     SERVO,
     WALK,
     Table,
+    box_keys,
     keys,
+    setting_keys,
 )
 from drake_gait.study.own_quantities import load_quantities
 from drake_gait.study.search_settings import ConfirmationSettings, SearchSettings
@@ -64,7 +68,8 @@ from drake_gait.study.settings import (
 )
 from drake_gait.walk import DEFAULT_MODEL, Engine, Fidelity, WalkSettings
 
-_OTHER_CENTRE = {"centre_from": "centre_deg", "centre_deg": "centre_from"}
+_OTHER_CENTRE = {"centre_from": ("centre_deg", "centre"), "centre_deg": ("centre_from",)}
+"""Keys of [box] that another one takes the place of, where it is given beside the file."""
 
 
 def default_study() -> Path:
@@ -99,27 +104,51 @@ def read_study(
     source = Source(path=str(path), text=written, overrides=told)
     for (section, key), value in (overrides or {}).items():
         if isinstance(values := content.setdefault(section, {}), dict):  # Others: see _study.
+            corner, dot, variable = key.partition(".")
+            if dot:  # One variable of [box.centre] or [box.half_width].
+                inner = values.setdefault(corner, {})
+                if isinstance(inner, dict):
+                    inner[variable] = value
+                    continue
             values[key] = value
-            other = _OTHER_CENTRE.get(key)
-            if other is not None and (section, other) not in (overrides or {}):
-                values.pop(other, None)  # Said here and now: instead of the file's.
+            for other in _OTHER_CENTRE.get(key, ()):
+                if (section, other) not in (overrides or {}):
+                    values.pop(other, None)  # Said here and now: instead of the file's.
             if key == "centre_from" and isinstance(value, str):  # From this folder.
                 values[key] = str(whole_path(Path(), value))
             elif (section, key) in robot_section.NAMES:
                 robot_section.override(content, (section, key), Path.cwd())  # Likewise.
+            elif (section, key) == ("gait", "family") and isinstance(value, str):
+                values[key] = _from_folder(value, Path.cwd())
             elif (section, key) == ("study", "quantities") and value and isinstance(value, str):
                 values[key] = str(Path(value).absolute())
+    dropped = _drop(content)
     try:
         own = _own_quantities(content, path.parent, quantities)
-        _check_sections(content, own)
+        family = _family(content, path.parent)
+        _check_sections(content, own, family)
         name = content.get("study", {}).get("name")
         folder = begun(name) if begun is not None and isinstance(name, str) else None
-        content, origin, notes = resolve_centre(content, path.parent, folder, study_settings)
+        content, origin, notes = resolve_centre(
+            content, path.parent, folder, study_settings, family
+        )
         source = replace(source, centre_from=origin)
-        return replace(_study(content, path.parent, own), source=source, notes=notes)
+        found = _study(content, path.parent, own, family)
+        return replace(found, source=source, notes=(*dropped, *notes))
     except SettingsError as error:
         changed = "".join(f", {section}.{key} set" for section, key in overrides or {})
         raise SettingsError(f"study {path}{changed}: {error}") from None
+
+
+def _drop(content: Mapping[str, Any]) -> tuple[str, ...]:
+    """Take settings that are without effect out of a study's content; return a line for each."""
+    notes = []
+    for (section, key), reason in DROPPED.items():
+        values = content.get(section)
+        if isinstance(values, dict) and key in values:
+            del values[key]
+            notes.append(f"{section}.{key} is without effect and can be left out: {reason}")
+    return tuple(notes)
 
 
 def read_override(text: str) -> tuple[tuple[str, str], Any]:
@@ -161,16 +190,54 @@ def _own_quantities(
     return own
 
 
-def _check_sections(content: Mapping[str, Any], own: Sequence[Quantity]) -> None:
+def _check_sections(
+    content: Mapping[str, Any], own: Sequence[Quantity], family: GaitFamily
+) -> None:
     known("section", content, KEYS)
     for section, values in content.items():
         if not isinstance(values, Mapping):
             raise SettingsError(f"[{section}] must be a section, got {values!r}")
-        known(f"key of [{section}]", values, keys(own)[section])
+        known(f"key of [{section}]", values, keys(own, type(family))[section])
 
 
-def _study(content: Mapping[str, Any], folder: Path, own: Sequence[Quantity]) -> StudySettings:
-    study, box = dict(content.get("study", {})), _box(content.get("box", {}))
+def _from_folder(reference: str, folder: Path) -> str:
+    """Return the name of a gait family, the path of its file from the root."""
+    if not is_file(reference):
+        return reference
+    file, dot, name = reference.rpartition(".py")
+    return f"{whole_path(folder, file + dot)}{name}"
+
+
+def _family(content: Mapping[str, Any], folder: Path) -> GaitFamily:
+    """Return the gait family of a file, with its settings."""
+    written = content.get("gait", {})
+    if not isinstance(written, Mapping):
+        raise SettingsError(f"[gait] must be a section, got {written!r}")
+    texts("gait", written, ("family",))
+    kind = family_kind(_from_folder(written.get("family", PAPER.name), folder))
+    table = setting_keys(kind)
+    start = ("start",) if kind is PaperFamily else ()
+    known(f"key of [gait] with the family {kind.name or kind.__name__}", written,
+          ("family", *start, *table))  # fmt: skip
+    given = {key: value for key, value in written.items() if key in table}
+    settings = {table[key][0]: _in_si(key, value, table) for key, value in given.items()}
+    with told_as_written("gait", written, table):
+        return kind(**settings)
+
+
+def _in_si(key: str, value: Any, table: Table) -> Any:
+    """Return a setting of a gait family in SI units; its kind is checked by the family."""
+    if isinstance(value, list):
+        return tuple(_in_si(key, one, table) for one in value)
+    if table[key][1].name:
+        return number(f"gait.{key}", value) * table[key][1].si
+    return value
+
+
+def _study(
+    content: Mapping[str, Any], folder: Path, own: Sequence[Quantity], family: GaitFamily
+) -> StudySettings:
+    study, box = dict(content.get("study", {})), _box(content.get("box", {}), family)
     file = study.pop("quantities", "")
     search = dict(content.get("search", {}))
     if "objective" in search:
@@ -180,7 +247,7 @@ def _study(content: Mapping[str, Any], folder: Path, own: Sequence[Quantity]) ->
         raise SettingsError('[study] needs a name = "..."')
     named = robot_section.named(content, folder)
     robot = robot_of(named.get("model", DEFAULT_MODEL), named.get("robot", ""))
-    space = _space(box, content)
+    space = _space(box, content, family)
     opened = {FOOT[key][0]: value for key, value in content.get("design", {}).items()}
     robot_section.check_foot(robot, space.foot, opened)
     return StudySettings(
@@ -223,17 +290,30 @@ def _constraints(
         return limits_of(values, own)
 
 
-def _box(values: Mapping[str, Any]) -> dict[str, Any]:
+def _box(values: Mapping[str, Any], family: GaitFamily) -> dict[str, Any]:
     """Return the box, with all that it must have."""
     box = dict(values)
     texts("box", box, ("chosen",))
+    by_name, by_rows = ("centre", "half_width"), ("centre_deg", "half_width_deg")
+    paper = isinstance(family, PaperFamily)
+    for key in by_name if paper else by_rows:
+        if key in box:
+            shape = " and ".join(by_rows) if paper else "[box.centre] and [box.half_width]"
+            raise SettingsError(
+                f"the gait family {family.label} has a box of {shape}, got box.{key}"
+            )
+    if not paper:
+        for key in by_name:
+            if not isinstance(box.setdefault(key, {}), Mapping):
+                raise SettingsError(f"[box.{key}] must be a section, got {box[key]!r}")
+        return box
     for key in ("centre_deg", "half_width_deg"):
         if key not in box:
             raise SettingsError(f"[box] needs {key}: 4 rows (roll, hip, knee, ankle) of 4 degrees")
     return box
 
 
-def _space(box: Mapping[str, Any], content: Mapping[str, Any]) -> DesignSpace:
+def _space(box: Mapping[str, Any], content: Mapping[str, Any], family: GaitFamily) -> DesignSpace:
     foot, ranges = _foot(content.get("foot", {})), _ranges(content.get("design", {}))
     if ranges and foot.rigid_toes:
         opened = next(iter(content["design"]))
@@ -241,6 +321,8 @@ def _space(box: Mapping[str, Any], content: Mapping[str, Any]) -> DesignSpace:
             f"design.{opened} is open, but rigid toes have nothing to search; leave it out, or let "
             "foot.rigid_toes be false"
         )
+    if not isinstance(family, PaperFamily):
+        return _named_space(box, family, content, foot, ranges)
     written = {**content.get("design", {}), **{key: box[key] for key in BOX}}
     with told_as_written("design", written, FOOT), told_as_written("box", written, BOX):
         return DesignSpace(
@@ -248,6 +330,51 @@ def _space(box: Mapping[str, Any], content: Mapping[str, Any]) -> DesignSpace:
             half_width=coefficients("box.half_width_deg", box["half_width_deg"]),
             foot=foot,
             foot_ranges=ranges,
+            family=family,
+        )
+
+
+def _named_space(
+    box: Mapping[str, Any],
+    family: GaitFamily,
+    content: Mapping[str, Any],
+    foot: FootDesign,
+    ranges: tuple[tuple[str, float, float], ...],
+) -> DesignSpace:
+    """Return the space of a box that is given by the names of variables."""
+    tables = {corner: box_keys(family, corner) for corner in ("centre", "half_width")}
+    values: dict[str, dict[str, float]] = {}
+    for corner, table in tables.items():
+        known(f"key of [box.{corner}]", box[corner], tuple(table))
+        values[corner] = {
+            table[key][0].partition(".")[2]: number(f"box.{corner}.{key}", value) * table[key][1].si
+            for key, value in box[corner].items()
+        }
+    given = {key: value for key, value in box["centre"].items() if key in content.get("gait", {})}
+    for key in given:
+        raise SettingsError(f"{key} is given in [gait] and in [box.centre]; leave one out")
+    missing = [
+        one.key
+        for one in family.variables
+        if one.default is None and one.name not in values["centre"]
+    ]
+    if missing:
+        raise SettingsError(
+            f"[box.centre] needs {', '.join(missing)} of the gait family {family.label}"
+        )
+    design = content.get("design", {})
+    with (
+        told_as_written("design", design, FOOT),
+        told_as_written("box.centre", box["centre"], tables["centre"]),
+        told_as_written("box.half_width", box["half_width"], tables["half_width"]),
+    ):
+        # What holds both corners; each is a value for every variable.
+        return DesignSpace(
+            centre=family.values(values["centre"]),
+            half_width=family.values(dict.fromkeys(family.names, 0.0) | values["half_width"]),
+            foot=foot,
+            foot_ranges=ranges,
+            family=family,
         )
 
 

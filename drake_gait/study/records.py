@@ -10,7 +10,7 @@ import numpy as np
 
 from drake_gait.errors import GaitError, StudyError
 from drake_gait.foot import FootDesign
-from drake_gait.gait import Gait
+from drake_gait.gait import PAPER, GaitFamily
 from drake_gait.problem import BUILT_IN, COEFFICIENTS, Candidate, Quantity
 from drake_gait.problem.quantities import JUMP
 from drake_gait.study.search_settings import MOST_SIMULATIONS
@@ -31,26 +31,50 @@ _MEASURES = {field.name: BUILT_IN[field.name].columns for field in fields(Measur
 _QUANTITIES = tuple(one for one in BUILT_IN.values() if one.name not in _WALK)
 """Quantities that a walk may lack."""
 
-COLUMNS = (
-    ["id integer primary key", "stage text not null", "iteration integer not null"]
-    + ["nominal integer", "variation integer not null"]
-    + [f"{name} real not null" for name in (*COEFFICIENTS, *_FOOT)]
-    + ["outcome text not null", "reason text not null", "frames integer not null"]
-    + [f"{name} real not null" for name in _WALK[1:]]
-    + [f"{name} real" for one in _QUANTITIES for name in one.columns]
-    + [f"predicted_{name} real" for name in _PREDICTED]
-    + ["seconds real not null", "finished text not null"]
-)
-NAMES = [column.split()[0] for column in COLUMNS]
+
+def columns(variables: Sequence[str] = COEFFICIENTS) -> list[str]:
+    """Return the columns of a study file as SQL declares them.
+
+    Args:
+        variables: Names of the variables of its gait family.
+    """
+    return (
+        ["id integer primary key", "stage text not null", "iteration integer not null"]
+        + ["nominal integer", "variation integer not null"]
+        + [f"{name} real not null" for name in (*variables, *_FOOT)]
+        + ["outcome text not null", "reason text not null", "frames integer not null"]
+        + [f"{name} real not null" for name in _WALK[1:]]
+        + [f"{name} real" for one in _QUANTITIES for name in one.columns]
+        + [f"predicted_{name} real" for name in _PREDICTED]
+        + ["seconds real not null", "finished text not null"]
+    )
+
+
+def names_of(variables: Sequence[str]) -> list[str]:
+    """Return the names of `columns`."""
+    return [column.split()[0] for column in columns(variables)]
+
+
+COLUMNS = columns()
+"""Columns of a study of the paper's family."""
+NAMES = names_of(COEFFICIENTS)
+"""Their names."""
 _TYPES: dict[str, tuple[str, tuple[type, ...]]] = {
     "integer": ("whole number", (int,)),
     "real": ("number", (int, float)),
     "text": ("text", (str,)),
 }
-_CONTENTS = {
-    name: (*_TYPES[kind], bool(constraints)) for name, kind, *constraints in map(str.split, COLUMNS)
-}
-"""What a column holds: its kind, the types of its values, and whether every row has one."""
+
+
+def _contents(variables: Sequence[str]) -> dict[str, tuple[str, tuple[type, ...], bool]]:
+    """Return what a column holds: its kind, types of its values, whether every row has one."""
+    return {
+        name: (*_TYPES[kind], bool(constraints))
+        for name, kind, *constraints in map(str.split, columns(variables))
+    }
+
+
+_CONTENTS = _contents(COEFFICIENTS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,6 +114,11 @@ class StudyWalk:
         return self.nominal is None and self.is_search_walk
 
     @property
+    def confirms(self) -> int | None:
+        """Return the id of the walk that it confirms; None of one that stands for itself."""
+        return None if self.is_search_walk else self.nominal
+
+    @property
     def is_mean(self) -> bool:
         """Return whether its candidate is a mean of neighbours, first walked to confirm."""
         return self.nominal is None and not self.is_search_walk
@@ -105,7 +134,7 @@ def to_row(entry: StudyWalk, own: Sequence[Quantity] = ()) -> list[Any]:
     walk, predicted = entry.walk, entry.predicted or {}
     return (
         [int(entry.id), entry.stage, int(entry.iteration), entry.nominal, int(entry.variation)]
-        + [float(value) for value in entry.candidate.gait.coefficients.ravel()]
+        + [float(value) for value in entry.candidate.gait.variables]
         + [getattr(entry.candidate.foot, name) for name in _FOOT]
         + [walk.outcome.value, walk.reason, int(walk.frames)]
         + [float(getattr(walk, name)) for name in _WALK[1:]]
@@ -116,27 +145,34 @@ def to_row(entry: StudyWalk, own: Sequence[Quantity] = ()) -> list[Any]:
     )
 
 
-def require_types(row: Mapping[str, Any], own: Sequence[Quantity] = ()) -> None:
+def require_types(
+    row: Mapping[str, Any],
+    own: Sequence[Quantity] = (),
+    variables: Sequence[str] = COEFFICIENTS,
+) -> None:
     """Refuse a row that a column's value does not fit; SQLite itself takes anything anywhere.
 
     Raises:
         StudyError: names the walk, the column and the value.
     """
     others = dict.fromkeys(own_names(own), (*_TYPES["real"], False))
-    for name, (kind, types, needed) in {**_CONTENTS, **others}.items():
+    contents = _CONTENTS if variables == COEFFICIENTS else _contents(variables)
+    for name, (kind, types, needed) in {**contents, **others}.items():
         value = row[name]
         if not isinstance(value, types) and (needed or value is not None):
             raise StudyError(f"walk {row['id']} has {name} = {_short(value)}, which is no {kind}")
 
 
-def from_row(row: Mapping[str, Any], own: Sequence[Quantity] = ()) -> StudyWalk:
+def from_row(
+    row: Mapping[str, Any], own: Sequence[Quantity] = (), family: GaitFamily = PAPER
+) -> StudyWalk:
     """The walk of a row, given by its columns' names.
 
     Raises:
         StudyError: a value is not one that a walk can have; names the walk.
     """
     try:
-        return _walk_of(row, own)
+        return _walk_of(row, own, family)
     except GaitError as error:
         raise StudyError(f"walk {row['id']}: {error}") from None
 
@@ -153,8 +189,8 @@ def _outcome(text: str) -> Outcome:
         raise StudyError(f"outcome {_short(text)} is none of {', '.join(Outcome)}") from None
 
 
-def _walk_of(row: Mapping[str, Any], own: Sequence[Quantity]) -> StudyWalk:
-    coefficients = np.array([row[name] for name in COEFFICIENTS]).reshape(4, 4)
+def _walk_of(row: Mapping[str, Any], own: Sequence[Quantity], family: GaitFamily) -> StudyWalk:
+    gait = family.gait(np.array([row[name] for name in family.names]))
     predicted = {name: row[f"predicted_{name}"] for name in _PREDICTED}
     return StudyWalk(
         id=row["id"],
@@ -163,7 +199,7 @@ def _walk_of(row: Mapping[str, Any], own: Sequence[Quantity]) -> StudyWalk:
         nominal=row["nominal"],
         variation=row["variation"],
         candidate=Candidate(
-            gait=Gait(coefficients=coefficients),
+            gait=gait,
             foot=_foot(row),
         ),
         walk=Walk(
@@ -177,6 +213,7 @@ def _walk_of(row: Mapping[str, Any], own: Sequence[Quantity]) -> StudyWalk:
                 for one in (JUMP, *own)
                 if any(row[name] is not None for name in one.columns)
             },
+            planned=gait.frames,
         ),
         predicted=None if predicted["forward"] is None else predicted,
         seconds=row["seconds"],

@@ -1,5 +1,6 @@
 """A study's settings: all that decides its walks, in SI units."""
 
+import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -9,14 +10,13 @@ import numpy as np
 
 from drake_gait.errors import SettingsError
 from drake_gait.foot import FootDesign
-from drake_gait.gait import Start
+from drake_gait.gait import COEFFICIENTS, GaitFamily, PaperFamily, Start, family_of, plain_family
 from drake_gait.problem import (
     BUILT_IN,
     Assessment,
     Constraints,
     DesignSpace,
     Limit,
-    Needs,
     Objective,
     Quantity,
     assess,
@@ -32,7 +32,7 @@ from drake_gait.study._toml import (
     text,
 )
 from drake_gait.study.keys import KEYS, OLDER
-from drake_gait.study.records import NAMES
+from drake_gait.study.records import names_of
 from drake_gait.study.search_settings import ConfirmationSettings, Mode, SearchSettings
 from drake_gait.walk import Engine, Fidelity, Walk, WalkSettings
 
@@ -98,7 +98,8 @@ class StudySettings:
         used = (limit.quantity for limit in self.constraints.given)
         named = {one.name: one for one in (*self.quantities, *used, self.search.objective.wanted)}
         own = tuple(one for one in named.values() if one is not BUILT_IN.get(one.name))
-        require_own(own)
+        require_variables(self.space.family)
+        require_own(own, self.space.family.names)
         object.__setattr__(self, "quantities", own)
 
     def with_quantities(self, own: Sequence[Quantity]) -> "StudySettings":
@@ -137,16 +138,30 @@ class StudySettings:
         return quantities(self.constraints, self.search.objective)
 
     @property
-    def trial_settings(self) -> WalkSettings:
-        """Return how the walks of the search are simulated: with measures where they are needed."""
-        needed = (*self.outputs, *self.quantities)
-        return replace(self.walk, measures=any(one.needs is Needs.MEASURES for one in needed))
-
-    @property
     def two_grounds(self) -> bool:
         """Return whether the search's walks alternate between slippery and sticky ground."""
         alternates = self.search.grounds and self.search.mode is not Mode.PAPER
         return alternates and self.confirmation.friction > 0.0
+
+    def variables(self) -> list[dict[str, Any]] | None:
+        """Return the variables of the gait family as JSON has them; None of the paper's.
+
+        Those of a user's own have the fingerprint of the commands in the middle of the box, so that
+        a study is not resumed with another class of the same name.
+        """
+        family = self.space.family
+        if isinstance(family, PaperFamily):
+            return None
+        plain = [
+            {"name": one.name, "unit": one.unit.name, "lower": one.lower, "upper": one.upper}
+            for one in family.variables
+        ]
+        if not family.name:
+            commands = family.gait(self.space.centre).commands
+            rounded = np.round(commands, 9) + 0.0  # Last digits differ between machines.
+            plain[0]["commands_sha256"] = hashlib.sha256(rounded.tobytes()).hexdigest()
+        plain[0]["family"] = family.label
+        return plain
 
     def assess(self, walk: Walk) -> Assessment:
         """A walk measured against the study's objective and constraints."""
@@ -159,8 +174,15 @@ class StudySettings:
         walk.pop("disturbance")  # Of single walks.
         walk.pop("integrator")  # The fidelity says it; another one is for comparisons only.
         walk.pop("contact")  # The sole says it, likewise.
-        walk.pop("measures")  # The objective and the constraints say it.
-        start = walk.pop("start")
+        start, family = walk.pop("start"), self.space.family
+        centre, half_width = self.space.centre.tolist(), self.space.half_width.tolist()
+        gait = plain_family(family)
+        if isinstance(family, PaperFamily):
+            gait["start"] = start
+        else:
+            centre = family.named(self.space.centre)
+            widths = family.named(self.space.half_width)
+            half_width = {name: width for name, width in widths.items() if width}
         nested = {
             "study": {
                 "name": self.name,
@@ -173,11 +195,11 @@ class StudySettings:
             "confirmation": self.confirmation.plain(),
             "box": {
                 "chosen": self.chosen,
-                "centre": self.space.centre.tolist(),
-                "half_width": self.space.half_width.tolist(),
+                "centre": centre,
+                "half_width": half_width,
             },
             "constraints": self.constraints.plain(),
-            "gait": {"start": start},
+            "gait": gait,
             "robot": {"file": str(robot)},
             "walk": {**walk, "model": str(self.walk.model)},
             "servo": servo,
@@ -193,13 +215,32 @@ class StudySettings:
         return plain
 
 
-def require_own(own: Sequence[Quantity]) -> None:
+def require_variables(family: GaitFamily) -> None:
+    """Refuse variables of a gait family whose columns a study file has already.
+
+    Raises:
+        SettingsError: names the variable.
+    """
+    taken = {*names_of(()), *BUILT_IN}
+    for name in family.names:
+        if name in taken:
+            raise SettingsError(
+                f"the variable {name} of the gait family {family.label} needs another name: a "
+                f"study file has a column '{name}' already"
+            )
+
+
+def require_own(own: Sequence[Quantity], variables: Sequence[str] = COEFFICIENTS) -> None:
     """Refuse quantities of a user's own whose columns a study file has already.
+
+    Args:
+        own: The quantities.
+        variables: Names of the variables of the study's gait family.
 
     Raises:
         SettingsError: names the quantity, and the names that are taken.
     """
-    taken = set(NAMES)
+    taken = set(names_of(variables))
     for one in own:
         for column in {one.name, *one.columns}:
             if column in taken or column in BUILT_IN:
@@ -231,6 +272,7 @@ def study_settings(
     description: Mapping[str, Any],
     source: Mapping[str, Any] | None = None,
     own: Sequence[Quantity] = (),
+    family: GaitFamily | None = None,
 ) -> StudySettings:
     """Return the settings that `StudySettings.description` was taken from.
 
@@ -238,12 +280,15 @@ def study_settings(
         description: Every setting, as a study's file has them.
         source: The fields of their `Source`, where the study's file has it.
         own: Quantities of the study's own.
+        family: The family of its gaits, where that is not to be looked for.
     """
     nested: dict[str, dict[str, Any]] = {section: {} for section in KEYS}
     for name, value in {**OLDER, **description}.items():
         section, _, key = name.partition(".")
         nested[section][key] = value
-    walk, box = nested["walk"], nested["box"]
+    walk, box, gait = nested["walk"], nested["box"], nested["gait"]
+    start = gait.pop("start")
+    family = family or family_of(gait)
     search = nested["search"]
     search["objective"] = Objective.read(search["objective"], own)
     return StudySettings(
@@ -255,8 +300,9 @@ def study_settings(
         search=SearchSettings(**search),
         confirmation=ConfirmationSettings(**nested["confirmation"]),
         space=DesignSpace(
-            centre=np.array(box["centre"]),
-            half_width=np.array(box["half_width"]),
+            centre=box["centre"],
+            half_width=box["half_width"],
+            family=family,
             foot=FootDesign(**nested["foot"]),
             foot_ranges=tuple((name, low, high) for name, (low, high) in nested["design"].items()),
         ),
@@ -269,7 +315,9 @@ def study_settings(
             fidelity=choice(Fidelity, "walk.fidelity", walk["fidelity"]),
             step=walk["step"],
             sole=choice(Sole, "walk.sole", walk["sole"]),
-            start=choice(Start, "gait.start", nested["gait"]["start"]),
+            start=choice(Start, "gait.start", start)
+            if isinstance(family, PaperFamily)
+            else WalkSettings.start,
             time_limit=walk["time_limit"],
             friction=walk["friction"],
             servo=Servo(**nested["servo"]),

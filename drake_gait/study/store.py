@@ -1,6 +1,6 @@
 """The study file: every walk ever simulated, in one SQLite database.
 
-Tables (schema 4; SI units, angles in radians, numbers as full doubles):
+Tables (schema 5; SI units, angles in radians, numbers as full doubles):
 
     study   key, value      schema, settings, model_sha256, versions and source (the file that
                             the settings were read from, and what was set beside it), each as JSON
@@ -27,30 +27,45 @@ from typing import IO, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from drake_gait.errors import GaitError, StudyError
+from drake_gait.errors import GaitError, SettingsError, StudyError
+from drake_gait.gait import COEFFICIENTS, PAPER, GaitFamily, family_of
 from drake_gait.problem import Quantity
 from drake_gait.study._database import Database, damaged, write_new
 from drake_gait.study._lock import driver_lock
-from drake_gait.study.keys import OLDER, difference
+from drake_gait.study.keys import DROPPED, OLDER, difference
 from drake_gait.study.records import (
     COLUMNS,
     CONFIRMATIONS,
-    NAMES,
     StudyWalk,
+    columns,
     from_row,
+    names_of,
     own_names,
     require_types,
     to_row,
 )
 from drake_gait.study.settings import StudySettings, study_settings
 
-SCHEMA = 4
+SCHEMA = 5
 _OLDEST = 2
-_SINCE_OLDEST = frozenset({"peak_ground_reaction", "slip_ratio", "jump"})
+_SINCE_OLDEST = frozenset(
+    {
+        "peak_ground_reaction",
+        "slip_ratio",
+        "jump",
+        "driving_torque",
+        "braking_torque",
+        "driving_speed",
+        "braking_speed",
+        "line_share",
+    }
+)
 """Columns that a study of an older schema may lack."""
 _RENAMED = {"frames": "steps"}
 """Columns that had another name until schema 3, with that name."""
 
+VARIABLES = "variables"
+"""Key of a study under which the variables of its gait family are, if that is not the paper's."""
 QUANTITIES = "quantities"
 """Key of a study under which the quantities of its own are, as `Quantity.plain` has them."""
 PROPOSER = "proposer"
@@ -83,6 +98,7 @@ _VALUES: dict[str, tuple[str, tuple[type, ...]]] = {
     "wall_s": ("number", (int, float)),
     PROPOSER: ("text", (str,)),
     QUANTITIES: ("list", (list,)),
+    VARIABLES: ("list", (list,)),
     "worker_deaths": ("table", (dict,)),
 }
 """Kinds of the values that the table `study` has, or may have."""
@@ -101,6 +117,8 @@ class Study:
         self.path = path
         self._database = database
         self._own: tuple[Quantity, ...] | None = None
+        self._variables: tuple[str, ...] | None = None
+        self._family: GaitFamily | None = None
 
     @classmethod
     def create(cls, path: Path, description: Mapping[str, Any]) -> Self:
@@ -199,8 +217,9 @@ class Study:
         for key in _REQUIRED_SETTINGS:
             if key not in found:
                 raise damaged(self.path, f"its settings have no {key}")
+        family = self.family()
         try:
-            return study_settings(found, description.get("source"), self.quantities())
+            return study_settings(found, description.get("source"), self.quantities(), family)
         except KeyError as error:
             why = f"the name {error} is missing, or unknown"
         except (GaitError, TypeError, ValueError, AttributeError) as error:
@@ -225,6 +244,54 @@ class Study:
             return self._own
         except (GaitError, TypeError, ValueError, KeyError, AttributeError) as error:
             raise damaged(self.path, f"its value of {QUANTITIES} is none: {error}") from None
+
+    def variables(self) -> tuple[str, ...]:
+        """Return the names of the variables of the study's gaits, which are columns of its walks.
+
+        Raises:
+            StudyError: they cannot be read.
+        """
+        if self._variables is None:
+            query = f"select key, value from study where key = '{VARIABLES}'"
+            plain = self._decoded(query).get(VARIABLES)
+            try:
+                self._variables = (
+                    COEFFICIENTS if plain is None else tuple(str(one["name"]) for one in plain)
+                )
+            except (TypeError, KeyError) as error:
+                raise damaged(self.path, f"its value of {VARIABLES} is none: {error}") from None
+        return self._variables
+
+    def family(self) -> GaitFamily:
+        """Return the family of the study's gaits. Python of a user's own file is run for that.
+
+        The file is looked for where it was, then beside the study.
+
+        Raises:
+            StudyError: the class of a user's own is not at hand; names the file.
+        """
+        if self._family is None:
+            found = self._decoded("select key, value from study where key = 'settings'")
+            settings = {
+                name.removeprefix("gait."): value
+                for name, value in found.get("settings", {}).items()
+                if name.startswith("gait.") and name != "gait.start"
+            }
+            reference = settings.get("family", PAPER.name)
+            file, colon, name = reference.rpartition(":")
+            beside = self.path.parent / Path(file).name
+            if colon and file.endswith(".py") and not Path(file).is_file() and beside.is_file():
+                settings["family"] = f"{beside}:{name}"
+            try:
+                self._family = family_of(settings)
+            except SettingsError as error:
+                raise StudyError(f"the study {self.path} needs its gait family: {error}") from None
+            if self._family.names != self.variables():
+                raise StudyError(
+                    f"{self.path} was made with the variables {', '.join(self.variables())}; the "
+                    f"gait family {reference} has {', '.join(self._family.names)}"
+                )
+        return self._family
 
     def _decoded(self, query: str) -> dict[str, Any]:
         """Values about the study, by their names."""
@@ -270,8 +337,12 @@ class Study:
         )
         now = wanted.get("settings", found["settings"])
         self._require_quantities(wanted.get(QUANTITIES, []), found)
+        self._require_variables(wanted.get(VARIABLES), found)
         was = {key: OLDER[key] for key in OLDER.keys() & now.keys()} | found["settings"]
-        for key in sorted((was.keys() | now.keys()) - _WORDS - _MORE - {_BUDGET}):
+        left_out = _WORDS | _MORE | {_BUDGET} | {".".join(name) for name in DROPPED}
+        if VARIABLES in found and VARIABLES in wanted:
+            left_out = left_out | {"gait.family"}  # A file's path; see _require_variables.
+        for key in sorted((was.keys() | now.keys()) - left_out):
             if was.get(key) != now.get(key):
                 told = difference(key, was.get(key), now.get(key), self.quantities())
                 raise StudyError(f"{folder} holds a study with {told}; {cure}")
@@ -288,6 +359,23 @@ class Study:
                 f"{folder} holds {used} walks already, more than {_BUDGET} = {now[_BUDGET]}; give "
                 f"{used} or more, or --out for another folder"
             )
+
+    def _require_variables(
+        self, wanted: Sequence[Mapping[str, Any]] | None, description: Mapping[str, Any]
+    ) -> None:
+        """Refuse a gait family with other variables, or other commands, than the walks have."""
+        was = description.get(VARIABLES)
+        if was is None or wanted is None or list(wanted) == was:
+            return  # What differs is a setting, gait.family.
+        names = [[one["name"] for one in some] for some in (was, wanted)]
+        if names[0] != names[1]:
+            told = f"the variables {', '.join(names[0])}, not {', '.join(names[1])}"
+        else:
+            told = "another version of its gait family, whose limits or commands differ"
+        raise StudyError(
+            f"{self.path.parent} holds a study with {told}; give the family that it began with, or "
+            "--out for another folder"
+        )
 
     def _require_quantities(
         self, wanted: Sequence[Mapping[str, Any]], description: Mapping[str, Any]
@@ -372,7 +460,8 @@ class Study:
             StudyError: the file cannot be written, or was moved; everything before is safe.
         """
         own = self.quantities()
-        row, names = to_row(entry, own), _quoted([*NAMES, *own_names(own)])
+        names = _quoted([*names_of(self.variables()), *own_names(own)])
+        row = to_row(entry, own)
         with self._database.writing() as connection:
             connection.execute(
                 f"insert into walks ({names}) values ({', '.join('?' * len(row))})", row
@@ -386,12 +475,13 @@ class Study:
         """
         present = self._found()
         own = self.quantities()
-        names = [*NAMES, *own_names(own)]
-        columns = (_selected(name, present) for name in names)
-        found = self._database.rows(f"select {', '.join(columns)} from walks order by id")
+        variables = self.variables()
+        names = [*names_of(variables), *own_names(own)]
+        selected = (_selected(name, present) for name in names)
+        found = self._database.rows(f"select {', '.join(selected)} from walks order by id")
         try:
             for row in found:
-                require_types(dict(zip(names, row, strict=True)), own)
+                require_types(dict(zip(names, row, strict=True)), own, variables)
         except StudyError as error:
             raise damaged(self.path, error) from None
         return names, found
@@ -418,9 +508,9 @@ class Study:
             StudyError: a walk has a value that it cannot have.
         """
         names, rows = self.rows()
+        own, family = self.quantities(), self.family()
         try:
-            own = self.quantities()
-            return [from_row(dict(zip(names, row, strict=True)), own) for row in rows]
+            return [from_row(dict(zip(names, row, strict=True)), own, family) for row in rows]
         except StudyError as error:
             raise damaged(self.path, error) from None
 
@@ -476,10 +566,14 @@ def _write_empty(path: Path, description: Mapping[str, Any]) -> None:
     """Write a study without walks."""
     rows = {"schema": SCHEMA, **description}
     own = [Quantity.from_plain(one) for one in description.get(QUANTITIES, [])]
-    columns = [*COLUMNS, *(f'"{name}" real' for name in own_names(own))]
+    variables = [one["name"] for one in description.get(VARIABLES, [])] or COEFFICIENTS
+    declared = [
+        f'"{name}" {kind}' for name, _, kind in (one.partition(" ") for one in columns(variables))
+    ]
+    declared += [f'"{name}" real' for name in own_names(own)]
     tables = [
         ("create table study (key text primary key, value text)", ()),
-        (f"create table walks ({', '.join(columns)})", ()),
+        (f"create table walks ({', '.join(declared)})", ()),
     ]
     values = [
         ("insert into study values (?, ?)", (key, json.dumps(value))) for key, value in rows.items()

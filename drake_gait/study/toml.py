@@ -1,11 +1,12 @@
 """A study's settings as a TOML file that makes the same study again."""
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 
 from drake_gait.files.destination import write
 from drake_gait.study._toml import as_toml
-from drake_gait.study.keys import KEYS, in_file, keys
+from drake_gait.study.keys import KEYS, box_keys, in_file, keys
 from drake_gait.study.settings import StudySettings
 
 DEFAULT_NAME = "study.toml"
@@ -20,7 +21,9 @@ def study_toml(settings: StudySettings) -> str:
     A limit that was removed is not there. The robot is named by its shipped name or by its path
     from the root, so that the file is good in every folder.
     """
-    known = keys(settings.quantities)
+    family = settings.space.family
+    known = keys(settings.quantities, type(family))
+    corners: list[str] = []
     sections: dict[str, list[str]] = {section: [] for section in KEYS}
     for name, value in settings.description().items():
         if value is None or (name == "study.quantities" and not value):
@@ -31,7 +34,10 @@ def study_toml(settings: StudySettings) -> str:
             value = str(Path(value).absolute())
         if name == "robot.file" and not value:
             continue
-        key, unit = in_file(name, settings.quantities)
+        if name in ("box.centre", "box.half_width") and isinstance(value, dict):
+            corners += ["", *_corner(name, value, settings)]
+            continue
+        key, unit = in_file(name, settings.quantities, type(family))
         section, _, short = key.partition(".")
         if short not in known[section]:  # A user's own changes are objects.
             continue
@@ -39,8 +45,20 @@ def study_toml(settings: StudySettings) -> str:
     lines = [f"{_HEADER}{_origin(settings)}.", ""]
     for section, entries in sections.items():
         if entries:
-            lines += [f"[{section}]", *entries, ""]
+            lines += [f"[{section}]", *entries, *(corners if section == "box" else ()), ""]
     return "\n".join(lines)
+
+
+def _corner(name: str, values: Mapping[str, float], settings: StudySettings) -> list[str]:
+    """Return the lines of [box.centre] or [box.half_width]."""
+    _, _, corner = name.partition(".")
+    table = box_keys(settings.space.family, corner)
+    found = [
+        f"{key} = {as_toml(values[field.partition('.')[2]], unit)}"
+        for key, (field, unit) in table.items()
+        if field.partition(".")[2] in values
+    ]
+    return [f"[{name}]", *found]
 
 
 def write_study_toml(settings: StudySettings, folder: Path) -> Path:

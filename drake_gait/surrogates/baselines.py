@@ -19,15 +19,8 @@ from sklearn.metrics import roc_auc_score
 
 from drake_gait.gait import FloatArray
 from drake_gait.surrogates.arithmetic import single_thread
-from drake_gait.surrogates.ensemble import (
-    BoolArray,
-    IntArray,
-    Surrogate,
-    checked_walks,
-    folds_of,
-    learnable,
-    r_squared,
-)
+from drake_gait.surrogates.ensemble import Surrogate, checked_walks, folds_of, r_squared
+from drake_gait.surrogates.prediction import BoolArray, IntArray, learnable
 
 Model = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 """Predictions at new points (m, d), shape (m, k), from points (n, d) and their outputs (n, k)."""

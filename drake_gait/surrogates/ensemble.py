@@ -7,46 +7,25 @@ of the same form learns which do.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import torch
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from drake_gait.arrays import numbers
 from drake_gait.errors import SettingsError
 from drake_gait.gait import FloatArray
 from drake_gait.surrogates.arithmetic import learning, single_thread
+from drake_gait.surrogates.prediction import (
+    FEWEST_SURVIVORS,
+    BoolArray,
+    IntArray,
+    Prediction,
+    learnable,
+)
 from drake_gait.surrogates.settings import PAPER_NETWORK, NetworkSettings
 
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.int64]
-
-_MEMBERS = 8
-
-FEWEST_SURVIVORS = 2 * _MEMBERS
-"""Walks that must have survived before a network can be fitted."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Prediction:
-    """Expectations of a network for n candidates."""
-
-    mean: FloatArray
-    """Outputs of a walk that survives, shape (n, k)."""
-    deviation: FloatArray
-    """Standard deviation of the error to expect, shape (n, k): members' spread and residuals."""
-    survival: FloatArray
-    """Probability that the robot stays on its feet, shape (n,)."""
-
-
-class Network(Protocol):
-    """A surrogate: it predicts walks."""
-
-    def predict(self, x: FloatArray) -> Prediction:
-        """Predictions for design vectors, shape (n, d)."""
-        ...
+_MEMBERS = FEWEST_SURVIVORS // 2
 
 
 class _Ensemble:
@@ -192,15 +171,6 @@ class Surrogate:
             outputs = self._regressor(torch.from_numpy(points)).numpy()
         members: FloatArray = self._offset + self._scale * outputs
         return members
-
-
-def learnable(outputs: FloatArray, survived: BoolArray) -> BoolArray:
-    """Return which walks a network can learn from, shape (n,): they survived, and left numbers.
-
-    A walk that went nowhere has no finite cost of transport.
-    """
-    found: BoolArray = survived & np.isfinite(outputs).all(axis=1)
-    return found
 
 
 def fit(

@@ -10,7 +10,8 @@ from scipy.spatial.distance import cdist
 
 from drake_gait.gait import FloatArray
 from drake_gait.surrogates.arithmetic import single_thread
-from drake_gait.surrogates.ensemble import Prediction, Surrogate, checked_walks, learnable
+from drake_gait.surrogates.ensemble import Surrogate, checked_walks
+from drake_gait.surrogates.prediction import Prediction, learnable
 
 _LATEST = 200
 _LENGTHS = (0.5, 1.0, 2.0, 4.0, 8.0)

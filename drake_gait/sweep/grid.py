@@ -17,7 +17,7 @@ from drake_gait.execution.base import Executor
 from drake_gait.execution.machine import default_workers
 from drake_gait.files.destination import make_folder
 from drake_gait.files.strict_json import plain
-from drake_gait.gait import Gait
+from drake_gait.gait import Gait, plain_gait
 from drake_gait.optimization import OnRobot, identity, to_its_end, workers_of
 from drake_gait.problem import Candidate, Trial
 from drake_gait.provenance import versions
@@ -57,11 +57,9 @@ def candidate(grid: Grid, place: Place) -> Candidate:
     """Return the foot and the noisy gait of one walk."""
     first, second, gait, _ = place
     rng = generator(grid.settings.seed, Purpose.GRID_NOISE, *place)
-    noise = np.radians(grid.noise_deg) * rng.uniform(-1.0, 1.0, (4, 4))
-    return Candidate(
-        gait=Gait(coefficients=grid.gaits[gait].coefficients + noise),
-        foot=grid.feet[first][second],
-    )
+    walked = grid.gaits[gait]
+    noise = np.radians(grid.noise_deg) * rng.uniform(-1.0, 1.0, len(walked.variables))
+    return Candidate(gait=walked.moved(noise), foot=grid.feet[first][second])
 
 
 def study_of(grid: Grid) -> StudySettings:
@@ -180,7 +178,10 @@ def _described(grid: Grid) -> dict[str, Any]:
     described: dict[str, Any] = plain(
         {
             "axes": [asdict(axis) for axis in grid.axes],
-            "gaits_deg": [gait.degrees.tolist() for gait in grid.gaits],
+            "gaits_deg": [
+                gait.degrees.tolist() if isinstance(gait, Gait) else plain_gait(gait)
+                for gait in grid.gaits
+            ],
             "noise_deg": grid.noise_deg,
         }
     )
@@ -229,7 +230,7 @@ def _planned(grid: Grid, settings: StudySettings) -> Iterator[Planned]:
             id=id_,
             stage="design",
             iteration=place[-1],
-            trial=Trial(candidate=candidate(grid, place), settings=settings.trial_settings),
+            trial=Trial(candidate=candidate(grid, place), settings=settings.walk),
         )
 
 

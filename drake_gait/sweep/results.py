@@ -14,7 +14,7 @@ from scipy import stats
 from drake_gait.errors import StudyError
 from drake_gait.files.destination import write
 from drake_gait.files.strict_json import from_json, to_json
-from drake_gait.report.study_result import with_frames
+from drake_gait.report.study_result import as_written_today
 from drake_gait.report.tables import Table
 from drake_gait.sweep.settings import PlannedStudy, Sweep
 
@@ -88,7 +88,7 @@ def read_row(study: PlannedStudy, out: Path) -> Row:
     except (OSError, ValueError) as error:
         raise StudyError(f"cannot read {path}: {error}; run the sweep again") from None
     try:
-        result = with_frames(content)
+        result = as_written_today(content)
         row = {
             "variant": study.variant,
             "seed": study.seed,

@@ -27,14 +27,14 @@ A grid has, in place of seeds and variants, gaits that walk on every foot of the
 
 import unicodedata
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from drake_gait.errors import SettingsError
 from drake_gait.files.text import read_text
 from drake_gait.foot import FootDesign
-from drake_gait.gait import Gait
+from drake_gait.gait import AnyGait, Gait, GaitFamily, PaperFamily
 from drake_gait.robot.description import located
 from drake_gait.study import robot_section
 from drake_gait.study._toml import folder_name, parse_toml, text
@@ -86,8 +86,8 @@ class Grid:
 
     settings: StudySettings
     """The base: how a walk is simulated, and the foot that the axes change."""
-    gaits: tuple[Gait, ...]
-    """The gaits."""
+    gaits: tuple[AnyGait, ...]
+    """The gaits, of the family of the base."""
     axes: tuple[Axis, Axis]
     """The two factors."""
     feet: tuple[tuple[FootDesign, ...], ...]
@@ -95,7 +95,7 @@ class Grid:
     replicas: int
     """Walks of every gait on every foot."""
     noise_deg: float
-    """Largest change of each coefficient of a replica [degrees]."""
+    """Largest change of each coefficient, or other angle, of a replica [degrees]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,7 +200,8 @@ def _grid(values: Mapping[str, Any], base: Path, common: Overrides, folder: Path
         raise SettingsError(f"grid.replicas must be a whole number >= 1, got {replicas!r}")
     if isinstance(noise, bool) or not isinstance(noise, (int, float)) or not 0.0 <= noise <= 1.0:
         raise SettingsError(f"grid.noise_deg must lie in 0 to 1 degrees, got {noise!r}")
-    gaits = _gaits(values, folder)
+    settings = read_study(base, common)
+    gaits = _gaits(values, folder, settings.space.family)
     _check_scatter(gaits, replicas, noise)
     axes = values.get("axes", [])
     if not isinstance(axes, list) or len(axes) != 2:
@@ -220,7 +221,7 @@ def _grid(values: Mapping[str, Any], base: Path, common: Overrides, folder: Path
         for one in map(dict, first.levels)
     )
     return Grid(
-        settings=read_study(base, common),
+        settings=settings,
         gaits=gaits,
         axes=(first, second),
         feet=feet,
@@ -246,7 +247,7 @@ def _axis(values: Mapping[str, Any]) -> Axis:
     return Axis(name=name, levels=tuple(dict(zip(columns, row, strict=True)) for row in rows))
 
 
-def _check_scatter(gaits: Sequence[Gait], replicas: int, noise: float) -> None:
+def _check_scatter(gaits: Sequence[AnyGait], replicas: int, noise: float) -> None:
     """Refuse walks between which an analysis of variance would find no scatter."""
     if replicas * len(gaits) < 2:
         raise SettingsError(
@@ -266,20 +267,29 @@ def _check_scatter(gaits: Sequence[Gait], replicas: int, noise: float) -> None:
         )
 
 
-def _gaits(values: Mapping[str, Any], folder: Path) -> tuple[Gait, ...]:
+def _gaits(values: Mapping[str, Any], folder: Path, family: GaitFamily) -> tuple[AnyGait, ...]:
     tables, names = values.get("coefficients_deg", []), values.get("results", [])
     if not isinstance(tables, list):
         raise SettingsError(f"grid.coefficients_deg must be a list of gaits, got {tables!r}")
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise SettingsError(f'grid.results must be a list of files, ["..."], got {names!r}')
-    results = (folder / name for name in names)
-    tables = [
-        *tables,
-        *(earlier_winner(path, study_settings).coefficients_deg for path in results),
-    ]
-    if not tables:
+    winners = [earlier_winner(folder / name, study_settings) for name in names]
+    if not (tables or winners):
         raise SettingsError('[grid] needs gaits: results = ["..."] or coefficients_deg = [...]')
-    return tuple(Gait.from_degrees(table) for table in tables)
+    gaits: list[AnyGait] = [
+        Gait.from_degrees(table)
+        for table in [*tables, *(one.coefficients_deg for one in winners if one.gait is None)]
+    ]
+    gaits += [one.gait for one in winners if one.gait is not None]
+    if isinstance(family, PaperFamily):
+        for one in gaits:
+            if not isinstance(one, Gait):
+                raise SettingsError(
+                    f"a gait of [grid] is of the family {one.family.label}, and the base's is "
+                    "paper; give the base the same gait.family"
+                )
+        return tuple(replace(one, family=family) for one in gaits if isinstance(one, Gait))
+    return tuple(family.gait(family.values(family.like(one))) for one in gaits)
 
 
 def _seeds(seeds: Any) -> list[int]:

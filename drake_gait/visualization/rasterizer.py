@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drake_gait.errors import SettingsError
 from drake_gait.gait import FloatArray
@@ -28,6 +29,11 @@ _DIMMEST = 0.60
 _INK = np.array([0.10, 0.11, 0.13])
 _INK_DENSITY = 0.55
 _CLEARLY = 5e-5  # in front: of faces that coincide, the first one drawn stays [m]
+
+_SMALL = 1000
+"""Windows of triangles that are entered together [pixel]."""
+_LEAST_AREA = 1e-9
+"""Twice the area of a triangle that is seen [pixel²]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,29 +81,37 @@ def render(
     kept = np.ceil((every[:, :2].max(axis=0) - lower) / _PIXEL + 2.0).astype(int)
     columns, rows = kept * _FINENESS
     depth = np.full((rows, columns), -np.inf)
-    surface = np.zeros((rows, columns, 3))
-    owner = np.full((rows, columns), -1)
+    face = np.full((rows, columns), -1)  # What is seen, as a row of `shades`.
+    shades, owners = [], []
     lamp = _LAMP / np.linalg.norm(_LAMP)
+    count = 0
     for number, (triangles, colour) in enumerate(zip(parts, colours, strict=True)):
         a, b, c = np.moveaxis(triangles, 1, 0)
         normals = np.cross(b - a, c - a)
         normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-30
-        light = _DIMMEST + (1.0 - _DIMMEST) * np.maximum(normals @ lamp, 0.0)
-        for index in np.flatnonzero(normals[:, 2] > 1e-6):
-            corners = triangles[index].copy()
-            corners[:, :2] = (corners[:, :2] - lower) / pixel
-            seen = _fill(corners, depth)
-            if seen is not None:
-                window, inside = seen
-                surface[window][inside] = light[index] * colour
-                owner[window][inside] = number
+        ahead = normals[:, 2] > 1e-6
+        corners = triangles[ahead]
+        corners[:, :, :2] = (corners[:, :, :2] - lower) / pixel
+        light = _DIMMEST + (1.0 - _DIMMEST) * np.maximum(normals[ahead] @ lamp, 0.0)
+        shades.append(light[:, None] * colour)
+        owners.append(np.full(len(corners), number))
+        _enter(corners, depth, face, count)
+        count += len(corners)
+    owner = np.concatenate([*owners, [-1]])[face]  # The last one is what face -1 shows: nothing.
     edges = np.zeros((rows, columns), dtype=bool)
-    for axis in (0, 1):
-        edges |= owner != np.roll(owner, 1, axis=axis)
-    surface[edges] = _INK_DENSITY * _INK + (1.0 - _INK_DENSITY) * surface[edges]
-    opaque = ((owner >= 0) | edges).astype(float)
-    premultiplied = np.dstack([surface * opaque[:, :, None], opaque])
-    blocks = premultiplied.reshape(kept[1], _FINENESS, kept[0], _FINENESS, 4).mean(axis=(1, 3))
+    edges[1:] |= owner[1:] != owner[:-1]
+    edges[:, 1:] |= owner[:, 1:] != owner[:, :-1]
+    table = np.concatenate([*shades, np.zeros((1, 3))])
+    dark = _INK_DENSITY * _INK + (1.0 - _INK_DENSITY) * table
+    # Each face in its colour, then in that under ink; the last row of all is transparent.
+    painted = np.concatenate([np.insert(table, 3, 1.0, 1), np.insert(dark, 3, 1.0, 1)])
+    painted[len(table) - 1] = 0.0
+    face[face < 0] = len(table) - 1
+    face[edges] += len(table)
+    blocks = np.zeros((kept[1], kept[0], 4))
+    for row, column in np.ndindex(_FINENESS, _FINENESS):
+        blocks += painted[face[row::_FINENESS, column::_FINENESS]]
+    blocks /= _FINENESS**2
     blocks[:, :, :3] /= np.maximum(blocks[:, :, 3:], 1e-9)
     return Picture(pixels=blocks[::-1], left=float(lower[0]), bottom=float(lower[1]))
 
@@ -112,24 +126,61 @@ def _view(towards: Direction) -> FloatArray:
     return np.array([row / np.linalg.norm(row) for row in rows])
 
 
-def _fill(corners: FloatArray, depth: FloatArray) -> tuple[tuple[slice, slice], Any] | None:
-    """Enter one triangle [pixel, pixel, m] into the depth buffer; returns what of it is in front.
+def _enter(corners: FloatArray, depth: FloatArray, face: NDArray[np.int_], first: int) -> None:
+    """Enter the triangles of one solid into the depth buffer, and their numbers into `face`.
 
-    As the window it lies in, and the pixels of the window (rows, columns) that it takes.
+    Args:
+        corners: Triangles [pixel, pixel, m], shape (n, 3, 3).
+        depth: Nearness of what is seen so far [m], shape (rows, columns).
+        face: Number of what is seen so far, of the same shape.
+        first: Number of the first triangle.
     """
-    low = np.floor(corners[:, :2].min(axis=0)).astype(int)
-    high = np.ceil(corners[:, :2].max(axis=0)).astype(int) + 1
-    window = slice(low[1], high[1]), slice(low[0], high[0])
-    x, y = np.arange(low[0], high[0]) + 0.5, (np.arange(low[1], high[1]) + 0.5)[:, None]
-    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = corners
-    area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-    if not area > 1e-9:
-        return None
-    # Barycentric coordinates of every pixel's centre.
+    low = np.floor(corners[:, :, :2].min(axis=1)).astype(int)
+    size = np.ceil(corners[:, :, :2].max(axis=1)).astype(int) + 1 - low
+    edge = corners[:, 1:, :2] - corners[:, :1, :2]
+    area = edge[:, 0, 0] * edge[:, 1, 1] - edge[:, 0, 1] * edge[:, 1, 0]
+    small = size.prod(axis=1) < _SMALL
+    for number in np.flatnonzero(~small & (area > _LEAST_AREA)):
+        (x, y), (width, height) = low[number], size[number]
+        window = slice(y, y + height), slice(x, x + width)
+        across, up = np.arange(x, x + width), np.arange(y, y + height)[:, None]
+        nearness, inside = _nearness(across, up, corners[number].T, area[number])
+        inside &= nearness > depth[window] + _CLEARLY
+        depth[window][inside] = nearness[inside]
+        face[window][inside] = first + number
+    # The windows of all small ones in one row: a call for each would cost more than its pixels.
+    chosen = np.flatnonzero(small & (area > _LEAST_AREA))
+    if not len(chosen):
+        return
+    pixels = size[chosen].prod(axis=1)
+    of = np.repeat(chosen, pixels)
+    place = np.arange(len(of)) - np.repeat(pixels.cumsum() - pixels, pixels)
+    row, column = np.divmod(place, size[of, 0])
+    x, y = low[of, 0] + column, low[of, 1] + row
+    nearness, inside = _nearness(x, y, corners[of].transpose(2, 1, 0), area[of])
+    inside &= nearness > depth[y, x] + _CLEARLY
+    # Where two meet, the first one stays: of equal indices numpy keeps the last.
+    kept = np.flatnonzero(inside)[::-1]
+    x, y = x[kept], y[kept]
+    depth[y, x] = nearness[kept]
+    face[y, x] = first + of[kept]
+
+
+def _nearness(
+    column: NDArray[np.int_], row: NDArray[np.int_], corners: FloatArray, area: Any
+) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return how near a triangle is at pixels' centres [m], and whether they lie in it.
+
+    Args:
+        column: Of the pixels.
+        row: Of the pixels.
+        corners: x, y [pixel] and nearness [m] of the corners, shape (3, 3) or (3, 3, pixels).
+        area: Twice that of the triangle [pixel²].
+    """
+    x, y = column + 0.5, row + 0.5
+    (ax, bx, cx), (ay, by, cy), (az, bz, cz) = corners
+    # Barycentric coordinates.
     of_b = ((x - ax) * (cy - ay) - (y - ay) * (cx - ax)) / area
     of_c = ((bx - ax) * (y - ay) - (by - ay) * (x - ax)) / area
     of_a = 1.0 - of_b - of_c
-    nearness = of_a * az + of_b * bz + of_c * cz
-    inside = (of_a >= 0.0) & (of_b >= 0.0) & (of_c >= 0.0) & (nearness > depth[window] + _CLEARLY)
-    depth[window][inside] = nearness[inside]
-    return window, inside
+    return of_a * az + of_b * bz + of_c * cz, (of_a >= 0.0) & (of_b >= 0.0) & (of_c >= 0.0)

@@ -60,13 +60,13 @@ STYLE: Any = {
 _OF_WINDOWS = ("backend", "backend_fallback", "interactive", "toolbar")
 
 GAIT_PHASES = (
-    (1.2, "initial contact"),
-    (1.5, "mid-stance"),
-    (1.8, "terminal stance"),
-    (2.1, "initial swing"),
-    (2.4, "terminal swing"),
+    (0.0, "initial contact"),
+    (0.25, "mid-stance"),
+    (0.5, "terminal stance"),
+    (0.75, "initial swing"),
+    (1.0, "terminal swing"),
 )
-"""Instants [s] of the paper's Fig. 12 and what the right leg is doing."""
+"""Parts of the second gait cycle in the paper's Fig. 12 and what the right leg is doing."""
 
 
 @contextmanager

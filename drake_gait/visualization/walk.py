@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drake_gait.errors import SettingsError
-from drake_gait.gait import ANGULAR_VELOCITY, CYCLE_TIME, FRAME_TIME, JOINTS, WAVEFORMS, FloatArray
+from drake_gait.gait import CYCLE_TIME, FRAME_TIME, JOINTS, WAVEFORMS, FloatArray
 from drake_gait.visualization import human
 from drake_gait.visualization.palette import COM, GREY, INK, SIDES
 from drake_gait.visualization.rasterizer import Picture
@@ -36,20 +36,20 @@ _LEG_JOINTS = {
     "knee": "knee",
     "ankle": "ankle_pitch",
 }
-_NATURAL_CYCLE = (CYCLE_TIME, 2.0 * CYCLE_TIME)  # 'the most natural' of the three
-_GAIT_FUNCTION = (0.3, 3.3)  # when the gait function is in command (Eqs. 3-9) [s]
 
 
 def waveforms(history: History, path: str | Path) -> None:
     """Fig. 13: roll, hip, knee and ankle of both legs in the second cycle, command and measured.
 
-    Behind them a human's right leg, whose initial contact is at 1.2 s as in Fig. 12.
+    Behind them a human's right leg, whose initial contact is where the cycle begins as in Fig. 12.
+    The second cycle is 'the most natural' of the paper's three.
     """
+    begin, end = history.schedule.second_cycle
     with style():
         figure = new_figure(COLUMN, 5.4)
         known = [one for one in WAVEFORMS if _is_there(history, f"{_LEG_JOINTS[one]}_r")]
         panels = figure.subplots(len(known), 1, sharex=True, squeeze=False)[:, 0]
-        shown = _between(history.time, *_NATURAL_CYCLE)
+        shown = _between(history.time, begin, end)
         time = history.time[shown]
         for axes, waveform in zip(panels, known, strict=True):
             for side, colour in SIDES:
@@ -61,7 +61,7 @@ def waveforms(history: History, path: str | Path) -> None:
             if waveform in human.JOINTS:
                 phase = np.linspace(0.0, 1.0, 121)
                 mean, deviation = human.angles(waveform, phase)
-                cycle = _NATURAL_CYCLE[0] + CYCLE_TIME * phase
+                cycle = begin + (end - begin) * phase
                 axes.fill_between(
                     cycle,
                     mean - deviation,
@@ -74,7 +74,7 @@ def waveforms(history: History, path: str | Path) -> None:
                 axes.plot(cycle, mean, color=INK, linewidth=0.9, zorder=1.5)
             axes.set_ylabel(f"{waveform} [deg]")
         panels[-1].set_xlabel("time [s]")
-        panels[-1].set_xlim(*_NATURAL_CYCLE)
+        panels[-1].set_xlim(begin, end)
         for side, colour in SIDES:
             panels[0].plot([], [], color=colour, label=f"{side} leg")
         panels[0].plot([], [], "--", color=GREY, linewidth=0.9, label="command")
@@ -118,9 +118,11 @@ def paths(history: History, path: str | Path) -> None:
             axes.plot(forward, lateral, color=colour, label=name)
             axes.plot(forward[0], lateral[0], "o", color=colour, markersize=3.5)
             axes.plot(forward[-1], lateral[-1], "s", color=colour, markersize=3.5)
-        walking = _between(history.time, *_GAIT_FUNCTION)
-        if walking.sum() * FRAME_TIME > CYCLE_TIME:
-            fitted, amplitude = sway(history.time[walking], history.com[walking, 1])
+        schedule = history.schedule
+        walking = _between(history.time, schedule.begin * FRAME_TIME, schedule.end * FRAME_TIME)
+        if walking.sum() * FRAME_TIME > schedule.period:
+            lateral = history.com[walking, 1]
+            fitted, amplitude = sway(history.time[walking], lateral, schedule.period)
             axes.plot(
                 1e3 * (history.com[walking, 0] - origin[0]),
                 1e3 * (fitted - origin[1]),
@@ -138,24 +140,27 @@ def paths(history: History, path: str | Path) -> None:
         save_figure(figure, path)
 
 
-def sway(time: FloatArray, lateral: FloatArray) -> tuple[FloatArray, float]:
+def sway(
+    time: FloatArray, lateral: FloatArray, period: float = CYCLE_TIME
+) -> tuple[FloatArray, float]:
     """The sinusoid of one gait cycle on a straight line that is nearest to a lateral path.
 
     Args:
         time: Instants [s], shape (n,).
         lateral: Lateral positions [m], shape (n,).
+        period: The gait cycle [s]; the paper's by default.
 
     Returns:
         Its lateral positions [m], shape (n,), and its amplitude [m].
     """
-    angle = ANGULAR_VELOCITY * time
+    angle = 2.0 * np.pi / period * time
     basis = np.stack([np.ones_like(time), time, np.cos(angle), np.sin(angle)], axis=1)
     weights = np.linalg.lstsq(basis, lateral)[0]
     return basis @ weights, float(np.hypot(*weights[2:]))
 
 
 def postures(history: History, pictures: Sequence[Picture], path: Path) -> None:
-    """Fig. 12: the robot at the five instants of GAIT_PHASES from its right side, and its toes.
+    """Fig. 12: the robot in the five GAIT_PHASES from its right side, and its toes.
 
     Big and lesser toes are named with their angles, of the foot whose toes are bent more.
 
@@ -167,7 +172,7 @@ def postures(history: History, pictures: Sequence[Picture], path: Path) -> None:
     Raises:
         SettingsError: there is not one picture for each instant.
     """
-    frames = posture_frames(history)
+    frames, instants = posture_frames(history), _instants(history)
     if len(pictures) != len(frames):
         raise SettingsError(f"postures needs {len(frames)} pictures, got {len(pictures)}")
     # All of the robot, however long its step; a panel is one of five across the page.
@@ -187,14 +192,16 @@ def postures(history: History, pictures: Sequence[Picture], path: Path) -> None:
         figure = new_figure(PAGE, 1.4 + tall / 172.0)
         rows = figure.subplots(2, len(frames), sharey="row", height_ratios=(tall, 110))
         for column, (frame, picture) in enumerate(zip(frames, pictures, strict=True)):
-            instant, phase = GAIT_PHASES[column]
+            instant, phase = instants[column], GAIT_PHASES[column][1]
             whole, toes = rows[:, column]
             centre = history.com[frame, 0]
             left, right, lower, upper = (1e3 * edge for edge in picture.extent)
+            # Bytes, which matplotlib scales in half the time.
+            pixels = np.round(255.0 * np.clip(picture.pixels, 0.0, 1.0)).astype(np.uint8)
             for axes in (whole, toes):
                 axes.axhline(0.0, color=INK, linewidth=0.8, zorder=1)
                 axes.imshow(
-                    np.clip(picture.pixels, 0.0, 1.0),
+                    pixels,
                     interpolation="antialiased",
                     extent=(left - 1e3 * centre, right - 1e3 * centre, lower, upper),
                     zorder=2,
@@ -248,9 +255,15 @@ def _toes_in_words(angles: FloatArray) -> str:
 
 
 def posture_frames(history: History) -> list[int]:
-    """Frames of a walk at the instants of GAIT_PHASES; its last one where it fell before."""
+    """Frames of a walk in its GAIT_PHASES; its last one where it fell before."""
     last = len(history.time) - 1
-    return [min(round(instant / FRAME_TIME), last) for instant, _ in GAIT_PHASES]
+    return [min(round(instant / FRAME_TIME), last) for instant in _instants(history)]
+
+
+def _instants(history: History) -> list[float]:
+    """Instants of GAIT_PHASES in the second cycle of a walk [s]."""
+    begin, end = history.schedule.second_cycle
+    return [begin + part * (end - begin) for part, _ in GAIT_PHASES]
 
 
 def ground_reaction(history: History, path: str | Path) -> None:

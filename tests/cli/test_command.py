@@ -211,8 +211,12 @@ def test_the_front_door_refuses_what_is_no_command_with_the_nearest(capsys, name
 def run(*arguments, **options):
     return subprocess.run(
         [sys.executable, "-m", *map(str, arguments)],
-        check=False, capture_output=True, text=True, errors="replace", **options,
-    )  # fmt: skip
+        check=False,
+        capture_output=True,
+        text=True,
+        errors="replace",
+        **options,
+    )
 
 
 def test_a_command_runs_as_a_module_and_as_a_program_alike(tmp_path):

@@ -32,8 +32,10 @@ def test_a_study_in_mujoco_goes_on_and_its_walks_are_walked_again_as_they_were(t
     survivor = next(walk for walk in walks if walk.walk.survived)
     again = simulate(survivor.candidate, walked_as(settings, survivor))
     assert (again.forward, again.lateral, again.yaw) == (
-        survivor.walk.forward, survivor.walk.lateral, survivor.walk.yaw,
-    )  # fmt: skip
+        survivor.walk.forward,
+        survivor.walk.lateral,
+        survivor.walk.yaw,
+    )
     page = tmp_path / "walk.html"
     assert replay([str(folder), "--walk", str(survivor.id), "--out", str(page)]) == 0
     told = capsys.readouterr()

@@ -3,6 +3,7 @@
 import csv
 import dataclasses
 import io
+import shutil
 import sqlite3
 import subprocess
 import sys
@@ -147,9 +148,18 @@ def optuna():
     return pytest.importorskip("optuna")
 
 
+@pytest.fixture(scope="module")
+def tables(tmp_path_factory):
+    """A database of Optuna without a study: its tables are made once."""
+    optuna = pytest.importorskip("optuna")
+    path = tmp_path_factory.mktemp("tables") / "optuna.db"
+    optuna.storages.RDBStorage(f"sqlite:///{path}")
+    return path
+
+
 @pytest.fixture
-def url(tmp_path):
-    return f"sqlite:///{tmp_path / 'optuna.db'}"
+def url(tables, tmp_path):
+    return f"sqlite:///{shutil.copy(tables, tmp_path / 'optuna.db')}"
 
 
 def exported(optuna, url, name="one"):
@@ -448,7 +458,8 @@ def test_a_password_is_not_shown(run, capsys):
     assert "me:***@127.0.0.1:1/x" in text
 
 
-def test_exporting_says_nothing_but_its_line(optuna, run, url):
+def test_exporting_into_a_new_file_says_nothing_but_its_line(optuna, run, tmp_path):
+    url = f"sqlite:///{tmp_path / 'new.db'}"
     command = [
         sys.executable,
         "-W",

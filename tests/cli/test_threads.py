@@ -2,7 +2,11 @@
 
 import asyncio
 import dataclasses
+import json
+import os
 import signal
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
@@ -12,6 +16,14 @@ from drake_gait.cli import optimize
 from drake_gait.optimization import open_study, search_study, workers_of
 from drake_gait.study.search_settings import ConfirmationSettings, SearchSettings
 from drake_gait.study.store import Study
+
+COUNT = """
+from drake_gait.cli._signals import begin
+begin()
+import json, scipy.linalg, sklearn, torch
+from threadpoolctl import threadpool_info
+print(json.dumps([one["num_threads"] for one in threadpool_info()] + [torch.get_num_threads()]))
+"""
 
 
 def in_a_thread(function, *arguments):
@@ -27,6 +39,17 @@ def test_a_study_that_one_thread_has_opened_is_used_and_closed_by_another(path, 
     in_a_thread(study.close)
     with in_a_thread(Study.open, path) as opened:
         assert len(opened.walks()) == 1
+
+
+@pytest.mark.parametrize(
+    ("said", "used"), [({}, {1}), ({"OPENBLAS_NUM_THREADS": "2", "OMP_NUM_THREADS": "2"}, {2})]
+)
+def test_a_command_computes_in_one_thread_unless_its_environment_says_how_many(said, used):
+    own = {name: value for name, value in os.environ.items() if "NUM_THREADS" not in name}
+    found = subprocess.run(
+        [sys.executable, "-c", COUNT], env={**own, **said}, capture_output=True, check=True
+    )
+    assert set(json.loads(found.stdout)) == used
 
 
 @pytest.mark.slow

@@ -37,9 +37,9 @@ def made(servo, seed, load=LOAD, noise=NOISE, zero=0.0):
     def motion(time, state):
         angle, speed = state
         target = np.interp(time - servo.delay, times, commands) + zero
-        asked = servo.stiffness * (target - angle) - servo.damping * speed
-        motor = np.clip(asked, -stall, stall) - stall * speed / load.no_load_speed
-        torque = motor + servo.friction_torque(motor, speed)
+        controller = servo.controller_torque(servo.engaged(target - angle), speed, stall)
+        motor = servo.motor_torque(controller, speed, stall / load.no_load_speed)
+        torque = servo.joint_torque(motor, speed)
         gravity = load.gravity_torque * np.sin(angle - load.hanging)
         return [speed, (torque - gravity) / inertia]
 

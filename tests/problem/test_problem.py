@@ -156,8 +156,12 @@ MEASURES = Measures(
     duty_factor=(0.6, 0.7),
     peak_ground_reaction=1.5,
     toe_range=(0.1, 0.4, 0.2, 0.3),
-    yaw_swing=0.2,
     torso_tilt=0.1,
+    driving_torque=0.9,
+    braking_torque=1.0,
+    driving_speed=4.0,
+    braking_speed=5.0,
+    line_share=0.8,
 )
 # A limit that MEASURES break, with the violation by hand: the worst of two feet counts.
 BROKEN = [
@@ -172,18 +176,24 @@ BROKEN = [
     ("duty_factor", 0.5, 0.4),
     ("peak_ground_reaction", 1.2, 0.25),
     ("toe_range", 0.2, 1.0),
-    ("yaw_swing", 0.1, 1.0),
     ("torso_tilt", 0.05, 1.0),
+    ("driving_torque", 0.6, 0.5),
+    ("braking_torque", 0.5, 1.0),
+    ("driving_speed", 3.2, 0.25),
+    ("braking_speed", 4.0, 0.25),
+    ("line_share", 0.4, 1.0),
+    ("yaw_swing", 0.1, 1.0),
 ]
 
 
 def test_every_measure_of_a_walk_can_be_made_a_constraint():
-    assert [name for name, _, _ in BROKEN] == [field.name for field in dataclasses.fields(Measures)]
+    measured = [field.name for field in dataclasses.fields(Measures)]
+    assert [name for name, _, _ in BROKEN] == [*measured, "yaw_swing"]
 
 
 @pytest.mark.parametrize(("name", "limit", "violation"), BROKEN)
 def test_a_measure_beyond_its_limit_makes_a_walk_infeasible(name, limit, violation):
-    walk = a_walk(measures=MEASURES, yaw_swing=MEASURES.yaw_swing)
+    walk = a_walk(measures=MEASURES, yaw_swing=0.2)
     assert assess(walk, Constraints()).feasible
     broken = assess(walk, Constraints(**{name: limit}))
     assert broken.violations == pytest.approx([0, 0, 0, violation, 0])

@@ -65,8 +65,12 @@ def test_a_quantity_survives_the_way_to_a_worker(one):
 
 
 def test_of_two_feet_the_worse_counts_as_the_side_says():
-    pair = {side: Quantity(name="pair", parts=("right", "left"), side=side, read=lambda walk:
-                           (0.1, -0.3)).of(a_walk()) for side in Side}  # fmt: skip
+    pair = {
+        side: Quantity(
+            name="pair", parts=("right", "left"), side=side, read=lambda walk: (0.1, -0.3)
+        ).of(a_walk())
+        for side in Side
+    }
     assert pair == {Side.UPPER: 0.1, Side.LOWER: -0.3, Side.BOTH: -0.3}
 
 

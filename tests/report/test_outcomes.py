@@ -164,14 +164,15 @@ def test_studies_of_every_outcome_are_compared(study, entries, tmp_path):
     assert str(2**200 + 3) in page
 
 
-def test_a_missing_measure_of_a_walk_is_a_dash(measures):
+def test_a_missing_measure_of_a_walk_is_a_dash(measures, walked):
     nan = float("nan")
     lacking = dataclasses.replace(
         measures, duty_factor=(nan, 0.5), clearance=(nan, nan), cost_of_transport=float("inf")
     )
-    said = manner_in_words(lacking)
+    said = manner_in_words(dataclasses.replace(walked, measures=lacking))
     assert "duty - / 0.50" in said
     assert "clearance - / - mm" in said
+    assert "yaw swing - degrees" in said
     assert said.endswith("cost of transport -")
     empty = Measures(
         **{
@@ -179,7 +180,10 @@ def test_a_missing_measure_of_a_walk_is_a_dash(measures):
             for name, value in dataclasses.asdict(measures).items()
         }
     )
-    assert not re.search("nan|inf", manner_in_words(empty))
+    assert not re.search("nan|inf", manner_in_words(dataclasses.replace(walked, measures=empty)))
+    swung = dataclasses.replace(walked, measures=measures, yaw_swing=np.radians(12.0))
+    assert "yaw swing 12 degrees" in manner_in_words(swung)
+    assert manner_in_words(walked) == ""
 
 
 def test_a_walk_that_was_not_simulated_has_a_reason_in_the_place_of_numbers():
@@ -190,8 +194,17 @@ def test_a_search_walk_is_what_the_search_asked_for(study, entries):
     walks = entries([WALKED, FELL])
     replica = dataclasses.replace(walks[1], nominal=0, variation=1)
     again = dataclasses.replace(replica, stage=CONFIRMATION, id=CONFIRMATIONS)
-    kinds = [(one.is_search_walk, one.is_nominal) for one in (walks[0], replica, again)]
-    assert kinds == [(True, True), (True, False), (False, False)]
+    mean = dataclasses.replace(again, nominal=None, variation=0)
+    kinds = [
+        (one.is_search_walk, one.is_nominal, one.is_mean, one.confirms)
+        for one in (walks[0], replica, again, mean)
+    ]
+    assert kinds == [
+        (True, True, False, None),
+        (True, False, False, None),
+        (False, False, False, 0),
+        (False, False, True, None),
+    ]
     said = verdict(study, [walks[0], again])
     assert said.startswith("No gait is known to hold")
     assert "The best of 1 walk, walked once, is walk 0" in said
@@ -214,7 +227,6 @@ def test_a_sweep_of_studies_of_every_outcome_has_a_row_for_each_and_strict_json(
             duty_factor=(float("nan"), 0.5),
             peak_ground_reaction=1.0,
             toe_range=(0.0, 0.0, 0.0, 0.0),
-            yaw_swing=0.1,
             torso_tilt=0.1,
         )
     )

@@ -151,7 +151,8 @@ def test_without_a_winner_none_is_marked_and_without_finalists_there_is_no_table
 
 
 def test_beside_the_finalists_stands_how_far_they_slide_and_swing(measures):
-    entries = [FINALIST, {**FINALIST, "walk": 9, "measures": dataclasses.asdict(measures)}]
+    measured = {"yaw_swing": 0.31, "measures": dataclasses.asdict(measures)}
+    entries = [FINALIST, {**FINALIST, "walk": 9, **measured}]
     table = report_tables.manner_of_finalists({"finalists": entries, "winner": 9})
     assert [list(row) for row in table.rows] == [["9", "300.0", "3", "4", "18", "9", "1.43"]]
     assert table.marked == 0

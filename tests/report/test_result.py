@@ -114,8 +114,11 @@ def test_the_baselines_stand_beside_the_network(study, walks, network):
     outcome = summary(study, walks, network, baselines=found, wall_s=0.0)
     assert json.loads(json.dumps(outcome, allow_nan=False)) == outcome
     assert outcome["r2_heldout_ridge"] == {
-        "forward": 0.25, "lateral": 0.5, "yaw": -0.125, "com_height": None
-    }  # fmt: skip
+        "forward": 0.25,
+        "lateral": 0.5,
+        "yaw": -0.125,
+        "com_height": None,
+    }
     assert outcome["r2_heldout_kriging"]["forward"] == 0.375
     assert (outcome["survival_auc"], outcome["survival_auc_logistic"]) == (0.875, None)
     line = baselines_line(outcome)

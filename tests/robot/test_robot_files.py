@@ -330,10 +330,15 @@ SAME = {
 }
 
 
+@pytest.fixture(scope="module")
+def usual():
+    """What the shipped robot walks."""
+    return simulate(WALKING)
+
+
 @pytest.mark.parametrize("content", SAME.values(), ids=SAME)
-def test_other_ways_to_write_a_robot_walk_the_same(robot, content):
+def test_other_ways_to_write_a_robot_walk_the_same(robot, usual, content):
     walk = simulate(WALKING, WalkSettings(model=robot(content)))
-    usual = simulate(WALKING)
     assert (walk.frames, walk.forward, walk.yaw) == (usual.frames, usual.forward, usual.yaw)
 
 
@@ -372,14 +377,13 @@ def test_friction_is_multiplied_however_it_is_written(robot, surface, own, wante
     assert on_the_ground(after) == pytest.approx(factor * on_the_ground(before))
 
 
-def test_a_limit_or_a_damper_of_a_joint_counts(robot):
-    usual = simulate(WALKING).forward
+def test_a_limit_or_a_damper_of_a_joint_counts(robot, usual):
     narrow = inside("joint", "knee_r", r"<upper>3\.14159265359", "<upper>0.1")
     damped = inside(
         "joint", "knee_r", "<dynamics />", "<dynamics><damping>0.3</damping></dynamics>"
     )
     for text in (narrow, damped):
-        assert simulate(WALKING, WalkSettings(model=robot(text))).forward != usual
+        assert simulate(WALKING, WalkSettings(model=robot(text))).forward != usual.forward
     plant, _ = add_robot(DiagramBuilder(), PlantConfig(model=robot(damped)))
     back_emf = 1.373 / Servo().no_load_speed
     found = [plant.GetJointByName(name).default_damping() for name in ("knee_r", "knee_l")]

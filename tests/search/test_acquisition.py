@@ -11,7 +11,7 @@ from drake_gait.problem import OUTPUTS, Constraints
 from drake_gait.search.acquisition import Acquisition, chance_to_hold, expected_improvement
 from drake_gait.search.grounds import Grounded, together
 from drake_gait.study.search_settings import Risk
-from drake_gait.surrogates.ensemble import Prediction
+from drake_gait.surrogates.prediction import Prediction
 
 LIMITS = Constraints().limits
 

@@ -23,7 +23,7 @@ from drake_gait.search.recommendation import recommended
 from drake_gait.search.trust_region import IN_REGION
 from drake_gait.study.ranking import best_walk, sample
 from drake_gait.study.search_settings import ConfirmationSettings, Mode, SearchSettings
-from drake_gait.surrogates.ensemble import Prediction
+from drake_gait.surrogates.prediction import Prediction
 from drake_gait.surrogates.settings import NetworkSettings
 
 SEARCHED = [Mode.DEFAULT, Mode.ISADE_NETWORK, Mode.CMAES, Mode.ISADE]
@@ -157,7 +157,9 @@ def best_recommended(settings, samples):
     return max(trusted(settings, one.candidate) for one in recommended(settings, samples)[:8])
 
 
-@pytest.mark.parametrize("mode", [Mode.DEFAULT, Mode.ISADE_NETWORK])
+@pytest.mark.parametrize(
+    "mode", [Mode.DEFAULT, pytest.param(Mode.ISADE_NETWORK, marks=pytest.mark.slow)]
+)
 def test_a_search_on_two_grounds_recommends_what_holds(study, tmp_path, mode):
     found = []
     for seed in range(3):
@@ -172,6 +174,7 @@ def test_a_search_on_two_grounds_recommends_what_holds(study, tmp_path, mode):
     assert np.median(found) > 0.65 * ROBUST_BEST
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("risk", ["mean", "worst"])
 def test_every_risk_recommends_what_holds(study, tmp_path, risk):
     found = []

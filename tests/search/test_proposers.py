@@ -189,6 +189,7 @@ def test_the_first_region_lies_around_the_better_samples(study):
     assert np.sqrt(((found - best) ** 2).mean(axis=1)).max() < 3 * 0.35
 
 
+@pytest.mark.slow
 def test_a_region_without_feasible_candidates_returns_to_the_best(study):
     settings = planned(study, samples=20, simulations=60, batch=5)
     rng = np.random.default_rng(0)

@@ -26,7 +26,7 @@ def found(study, tmp_path_factory):
 
 def told(settings, one, number, *, holds):
     """An answer about a recommended candidate."""
-    nominal = Trial(candidate=one.candidate, settings=settings.trial_settings)
+    nominal = Trial(candidate=one.candidate, settings=settings.walk)
     trial = perturbed(nominal, settings, one.nearest, number)
     good = dataclasses.replace(walk_at(np.zeros(16)), com_height=0.2445, lateral=0.0, yaw=0.0)
     return StudyWalk(

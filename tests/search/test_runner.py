@@ -211,7 +211,7 @@ def test_every_candidate_of_a_search_has_its_replicas_in_order(study, path):
     for start in range(25, 43, 3):
         nominal, *variations = walks[start : start + 3]
         assert (nominal.nominal, nominal.variation) == (None, 0)
-        between = Trial(candidate=nominal.candidate, settings=settings.trial_settings)
+        between = Trial(candidate=nominal.candidate, settings=settings.walk)
         for number, one in enumerate(variations, 1):
             assert (one.nominal, one.variation, one.stage) == (start, number, nominal.stage)
             expected = perturbed(between, settings, start, number)

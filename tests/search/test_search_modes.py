@@ -54,23 +54,30 @@ def cases(table):
 
 
 @pytest.fixture(scope="module")
-def whole(study, tmp_path_factory):
+def whole(study, told, tmp_path_factory):
     """Settings and walks of a study of each plan that ran from start to end, by its name."""
     folder = tmp_path_factory.mktemp("whole")
 
     @functools.cache
     def made(name):
         settings = planned(study, **PLANS[name])
-        return settings, run(settings, folder / f"{name}.db")
+        ground, reports = Ground(settings.space), []
+        told[name] = ground, reports
+        return settings, run(settings, folder / f"{name}.db", ground, reports.append)
 
     return made
 
 
+@pytest.fixture(scope="module")
+def told():
+    """Where the walks of each such study were computed, and what was reported of them."""
+    return {}
+
+
 @pytest.mark.parametrize("name", PLANS)
-def test_a_study_uses_its_budget_and_stores_each_walk_once(study, path, name):
-    settings = planned(study, **PLANS[name])
-    ground = Ground(settings.space)
-    walks = run(settings, path, ground)
+def test_a_study_uses_its_budget_and_stores_each_walk_once(whole, told, name):
+    settings, walks = whole(name)
+    ground, _ = told[name]
     assert len(ground.asked) == settings.search.simulations
     assert [walk.id for walk in walks] == list(range(settings.search.simulations))
     assert len({walk.candidate for walk in walks}) == len(walks)
@@ -121,10 +128,9 @@ def test_another_seed_walks_other_candidates(whole, path, name):
 
 
 @pytest.mark.parametrize("name", PLANS)
-def test_the_best_that_is_reported_is_a_stored_walk(study, path, name):
-    settings = planned(study, **PLANS[name])
-    reports = []
-    walks = run(settings, path, report=reports.append)
+def test_the_best_that_is_reported_is_a_stored_walk(whole, told, name):
+    settings, walks = whole(name)
+    _, reports = told[name]
     best = reports[-1].best
     assert numbers([best])[0][:6] == numbers([walks[best.id]])[0][:6]
     expected = best_walk(walks, settings.constraints)
@@ -164,8 +170,16 @@ HANDED = {
 }
 
 
+@pytest.fixture(scope="module")
+def usual(study, tmp_path_factory):
+    """Candidates of the default proposer."""
+    settings = planned(study, samples=20, simulations=38, batch=5)
+    walks = run(settings, tmp_path_factory.mktemp("usual") / "study.db")
+    return {walk.candidate for walk in walks}
+
+
 @pytest.mark.parametrize("name", HANDED)
-def test_a_search_with_another_proposer_is_as_exact_as_any(study, tmp_path, name):
+def test_a_search_with_another_proposer_is_as_exact_as_any(study, usual, tmp_path, name):
     settings = planned(study, samples=20, simulations=38, batch=5)
     proposer = HANDED[name]
 
@@ -181,5 +195,4 @@ def test_a_search_with_another_proposer_is_as_exact_as_any(study, tmp_path, name
         searched(tmp_path / "parted.db", Ground(settings.space, shuffle=2, stop_after=32))
     parted = searched(tmp_path / "parted.db", Ground(settings.space))
     assert numbers(parted) == numbers(whole)
-    usual = run(settings, tmp_path / "usual.db")
-    assert not {walk.candidate for walk in whole[30:]} & {walk.candidate for walk in usual}
+    assert not {walk.candidate for walk in whole[30:]} & usual

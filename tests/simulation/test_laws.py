@@ -279,7 +279,7 @@ def test_the_work_of_the_servos_is_the_energy_that_a_free_robot_gains() -> None:
     simulator.AdvanceTo(0.3)
     observer.record(context)
     gained = internal_energy(robot, plant_context) - before
-    measured = observer.measures(observer.history(), forward=1.0, yaw_swing=0.0)
+    measured = observer.measures(observer.history(), forward=1.0)
     net = 2.0 * measured.positive_energy - measured.energy
     assert net > 0.001
     assert gained == pytest.approx(net, rel=0.03)

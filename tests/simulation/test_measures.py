@@ -145,7 +145,7 @@ STANDS: dict[str, Any] = {
 
 def measured(forward: float = 0.0, **changes: Any) -> Any:
     """Measures of a robot that stands still, but for changes."""
-    return measures_of(Record(**{**STANDS, **changes}), forward=forward, yaw_swing=0.0)
+    return measures_of(Record(**{**STANDS, **changes}), forward=forward)
 
 
 def test_who_stands_still_has_no_slip_no_swing_and_both_feet_down() -> None:
@@ -204,7 +204,21 @@ def test_work_is_split_into_driving_and_braking() -> None:
     assert found.energy == pytest.approx(4.8)
     assert found.cost_of_transport == pytest.approx(2.4 / (1.5 * 9.81 * 0.5))
     assert (found.peak_torque, found.peak_speed) == (0.5, 2.0)
+    assert (found.driving_torque, found.braking_torque) == (0.5, 0.25)
+    assert (found.driving_speed, found.braking_speed) == (1.0, 2.0)
     assert found.saturated_fraction == pytest.approx(0.1)
+
+
+def test_the_share_of_the_line_is_that_of_torque_and_speed_while_a_servo_drives() -> None:
+    stall, no_load = 1.373, 7.48
+    speeds, torques = np.zeros((10, STEPS)), np.zeros((10, STEPS))
+    torques[0], speeds[0] = 0.3 * stall, 0.5 * no_load
+    torques[1], speeds[1] = -1.4 * stall, 0.4 * no_load  # Driven back: beyond the line.
+    controllers = torques + stall / no_load * speeds
+    found = measured(speeds=speeds, torques=torques, controllers=controllers)
+    assert found.line_share == pytest.approx(0.8)
+    assert found.braking_torque == pytest.approx(1.4 * stall)
+    assert found.braking_speed == pytest.approx(0.4 * no_load)
 
 
 def test_a_fall_before_the_second_cycle_has_no_duty_factor() -> None:

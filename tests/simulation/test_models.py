@@ -60,7 +60,7 @@ def corners(robot: Robot, link: str) -> np.ndarray:
     return np.array(X_WB @ sole_corners(robot, body))
 
 
-@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("name", [*FILES, "op3.sdf"])
 def test_the_committed_file_is_what_the_maker_writes(maker: ModuleType, name: str) -> None:
     assert (models_folder() / name).read_text() == maker.MODEL_FILES[name]()
 

@@ -137,7 +137,14 @@ REAL = Servo(coulomb_friction=0.03, load_friction=0.1, backlash=0.005, delay=0.0
 def test_torques_from_the_log_are_those_that_drake_tells(servo):
     settings = WalkSettings(servo=servo)
     walk, measures = measured_at_every_step(WALKING, settings)
-    assert walk.measures.peak_torque == pytest.approx(measures.peak_torque, rel=1e-6)
+    for name in ("peak_torque", "driving_torque", "braking_torque", "driving_speed"):
+        assert getattr(walk.measures, name) == pytest.approx(getattr(measures, name), rel=1e-6)
+    assert walk.measures.braking_speed == pytest.approx(measures.braking_speed, rel=1e-6)
+    assert walk.measures.line_share == pytest.approx(measures.line_share, rel=1e-6)
+    # The motor's line: a servo that drives its joint cannot pass it.
+    assert 0.5 < measures.line_share <= 1.0
+    apart = max(measures.driving_torque, measures.braking_torque)
+    assert measures.peak_torque == pytest.approx(apart)
     assert walk.measures.positive_energy == pytest.approx(measures.positive_energy, rel=1e-3)
     assert walk.measures.saturated_fraction == pytest.approx(measures.saturated_fraction, abs=1e-3)
 

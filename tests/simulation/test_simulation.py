@@ -40,6 +40,18 @@ def numbers(walk: Walk) -> list[float]:
     return [getattr(walk, name) for name in NUMBERS]
 
 
+@pytest.fixture(scope="module")
+def usual() -> Walk:
+    """What WALKING walks."""
+    return simulate(WALKING)
+
+
+@pytest.fixture(scope="module")
+def watched() -> Walk:
+    """The same with its history."""
+    return simulate(WALKING, history=True)
+
+
 def test_the_same_candidate_walks_the_same_after_any_other_walk_and_in_any_process() -> None:
     first = simulate(WALKING)
     simulate(FALLING)
@@ -89,17 +101,16 @@ def test_a_process_that_only_walks_imports_nothing_heavy_but_drake() -> None:
     assert not {"torch", "matplotlib", "scipy", "sqlite3", "dask"} & set(listed)
 
 
-@pytest.mark.parametrize("candidate", [WALKING, FALLING], ids=["walks", "falls"])
-def test_watching_a_walk_does_not_change_it(candidate: Candidate) -> None:
-    assert numbers(simulate(candidate, history=True)) == numbers(simulate(candidate))
+def test_watching_a_walk_does_not_change_it(usual: Walk, watched: Walk) -> None:
+    assert numbers(watched) == numbers(usual)
+    assert numbers(simulate(FALLING, history=True)) == numbers(simulate(FALLING))
 
 
-def test_the_middle_of_the_default_box_walks_to_the_end() -> None:
-    walk = simulate(WALKING)
-    assert walk.outcome is Outcome.WALKED
-    assert walk.frames == FRAMES
-    assert walk.forward > 0.1
-    assert walk.reason == ""
+def test_the_middle_of_the_default_box_walks_to_the_end(usual: Walk) -> None:
+    assert usual.outcome is Outcome.WALKED
+    assert usual.frames == FRAMES
+    assert usual.forward > 0.1
+    assert usual.reason == ""
 
 
 def test_a_fall_ends_the_walk_early_and_says_when() -> None:
@@ -111,8 +122,8 @@ def test_a_fall_ends_the_walk_early_and_says_when() -> None:
     assert len(walk.history.time) == walk.frames + 2  # the first frame, and the one of the fall
 
 
-def test_a_history_has_one_row_a_frame_in_the_shapes_of_its_documentation() -> None:
-    history = simulate(WALKING, history=True).history
+def test_a_history_has_one_row_a_frame_in_the_shapes_of_its_documentation(watched: Walk) -> None:
+    history = watched.history
     assert history is not None
     shapes = {
         "time": (),
@@ -135,8 +146,8 @@ def test_a_history_has_one_row_a_frame_in_the_shapes_of_its_documentation() -> N
     assert history.commands == pytest.approx(WALKING.gait.commands_from(Start.RAMP))
 
 
-def test_the_walks_numbers_are_the_first_and_last_frames_of_its_history() -> None:
-    walk = simulate(WALKING, history=True)
+def test_the_walks_numbers_are_the_first_and_last_frames_of_its_history(watched: Walk) -> None:
+    walk = watched
     assert walk.history is not None
     moved = walk.history.com[-1] - walk.history.com[0]
     assert moved[:2] == pytest.approx([walk.forward, walk.lateral], abs=1e-12)
@@ -224,8 +235,7 @@ def test_a_broken_robot_is_refused_in_one_line(
     assert "\n" not in str(refusal.value)
 
 
-def test_another_foot_walks_another_walk() -> None:
-    usual = simulate(WALKING)
+def test_another_foot_walks_another_walk(usual: Walk) -> None:
     for change in ({"big_toe_width": 0.04}, {"lesser_toes_stiffness": 0.2}, {"toe_damping": 5e-3}):
         other = simulate(replace(WALKING, foot=FootDesign(**change)))
         assert other.forward != usual.forward
@@ -236,33 +246,31 @@ def test_a_time_limit_must_be_positive() -> None:
         WalkSettings(time_limit=0.0)
 
 
-def test_who_watches_a_walk_sees_every_frame_and_changes_no_number() -> None:
+def test_who_watches_a_walk_sees_every_frame_and_changes_no_number(usual: Walk) -> None:
     seen: list[tuple[float, np.ndarray]] = []
     watched = simulate(
         WALKING, history=True, watch=lambda instant, positions: seen.append((instant, positions))
     )
     assert watched.history is not None
-    assert numbers(watched) == numbers(simulate(WALKING))
+    assert numbers(watched) == numbers(usual)
     np.testing.assert_allclose([instant for instant, _ in seen], watched.history.time[1:])
     np.testing.assert_array_equal(
         [positions for _, positions in seen], watched.history.positions[1:]
     )
 
 
-def test_every_walk_has_the_same_measures_with_a_history_and_without() -> None:
-    watched, measured = simulate(WALKING, history=True), simulate(WALKING)
-    assert measured.history is None
-    assert measured.measures is not None
-    assert measured.measures == watched.measures
-    assert numbers(measured) == numbers(watched)
+def test_every_walk_has_the_same_measures_with_a_history_and_without(
+    usual: Walk, watched: Walk
+) -> None:
+    assert usual.history is None
+    assert usual.measures is not None
+    assert usual.measures == watched.measures
 
 
-def test_the_range_of_the_heading_is_known_of_every_walk() -> None:
-    watched = simulate(WALKING, history=True)
+def test_the_range_of_the_heading_is_known_of_every_walk(usual: Walk, watched: Walk) -> None:
     assert watched.history is not None
-    assert watched.measures is not None
     assert watched.yaw_swing == pytest.approx(np.ptp(watched.history.torso[:, 5]), abs=1e-9)
-    assert watched.measures.yaw_swing == watched.yaw_swing == simulate(WALKING).yaw_swing
+    assert watched.yaw_swing == usual.yaw_swing
 
 
 def test_a_fall_has_measures_too() -> None:
@@ -272,8 +280,7 @@ def test_a_fall_has_measures_too() -> None:
     assert walk.measures.energy > 0.0
 
 
-def test_another_friction_walks_another_walk_and_a_factor_of_one_the_same() -> None:
-    usual = simulate(WALKING)
+def test_another_friction_walks_another_walk_and_a_factor_of_one_the_same(usual: Walk) -> None:
     assert numbers(simulate(WALKING, WalkSettings(friction=1.0))) == numbers(usual)
     slippery, sticky = (
         simulate(WALKING, WalkSettings(friction=friction)) for friction in (0.9, 1.1)
@@ -282,13 +289,11 @@ def test_another_friction_walks_another_walk_and_a_factor_of_one_the_same() -> N
     assert numbers(simulate(WALKING)) == numbers(usual)  # Robots of both are kept side by side.
 
 
-def test_on_ice_the_soles_slide_further() -> None:
-    usual, ice = (
-        simulate(WALKING, WalkSettings(friction=friction)).measures for friction in (1.0, 0.05)
-    )
-    assert usual is not None
-    assert ice is not None
-    assert sum(ice.slip) > 1.5 * sum(usual.slip)
+def test_on_ice_the_soles_slide_further(usual: Walk) -> None:
+    ice = simulate(WALKING, WalkSettings(friction=0.05))
+    assert usual.measures is not None
+    assert ice.measures is not None
+    assert sum(ice.measures.slip) > 1.5 * sum(usual.measures.slip)
 
 
 @pytest.mark.parametrize("friction", [0.04, 2.3, -1.0, float("nan")])

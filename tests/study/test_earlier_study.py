@@ -34,9 +34,12 @@ def earlier(study, walked, tmp_path):
         place = tmp_path / folder
         shutil.rmtree(place, ignore_errors=True)
         walk = StudyWalk(
-            id=0, stage="design", iteration=0, walk=walked,
+            id=0,
+            stage="design",
+            iteration=0,
+            walk=walked,
             candidate=Candidate(gait=Gait(coefficients=gait), foot=foot),
-        )  # fmt: skip
+        )
         description = {"settings": study.description(), "model_sha256": "", "versions": {}}
         with Study.create(place / "study.db", description) as opened:
             opened.add(walk)

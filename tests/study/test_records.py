@@ -36,7 +36,7 @@ def assert_same(found, expected):
 
 
 def measured(entry, measures):
-    walk = dataclasses.replace(entry.walk, measures=measures, yaw_swing=measures.yaw_swing)
+    walk = dataclasses.replace(entry.walk, measures=measures, yaw_swing=0.31)
     return dataclasses.replace(entry, walk=walk)
 
 

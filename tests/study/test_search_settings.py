@@ -73,16 +73,22 @@ def test_limits_of_measures_are_written_in_the_units_of_their_names(read):
     assert angles == pytest.approx([20.0, 15.0, 10.0])
 
 
-def test_walks_are_measured_where_the_study_needs_it_only(read):
-    assert not read(MINIMAL).trial_settings.measures
-    wanted = {("search", "objective"): "cost_of_transport"}
-    assert read(MINIMAL, wanted).trial_settings.measures
-    limited = read(MINIMAL, {("constraints", "slip_mm"): 10})
-    assert limited.trial_settings.measures
-    assert limited.outputs[-1] == "slip"
-    straight = read(MINIMAL, {("constraints", "yaw_swing_deg"): 20})
-    assert not straight.trial_settings.measures  # Every walk tells it.
-    assert straight.outputs[-1] == "yaw_swing"
+@pytest.mark.parametrize("key", ["slip_mm", "yaw_swing_deg"])
+def test_what_is_limited_is_an_output_of_the_network(read, key):
+    limited = read(MINIMAL, {("constraints", key): 10})
+    assert limited.outputs[-1] == key.rpartition("_")[0]
+    assert len(limited.outputs) == len(read(MINIMAL).outputs) + 1
+
+
+@pytest.mark.parametrize("measures", [True, False])
+def test_a_key_without_effect_is_read_and_told(read, measures):
+    settings = read(MINIMAL, {("walk", "measures"): measures, ("walk", "step_ms"): 2.0})
+    assert settings.walk == read(MINIMAL, {("walk", "step_ms"): 2.0}).walk
+    (note,) = settings.notes
+    assert note.startswith("walk.measures is without effect")
+    assert read(MINIMAL).notes == ()
+    with pytest.raises(SettingsError, match=r"walk\.measure\b.*measure"):
+        read(MINIMAL, {("walk", "measure"): True})
 
 
 def test_every_variation_of_the_extreme_frictions_can_be_walked(read):
@@ -99,7 +105,7 @@ def test_they_return_from_their_description(read):
     again = study_settings(json.loads(json.dumps(description)))
     assert again.description() == description
     assert again.search == read(EVERY_SEARCH).search
-    assert again.trial_settings == read(EVERY_SEARCH).trial_settings
+    assert study_settings({**description, "walk.measures": True}).description() == description
 
 
 @pytest.mark.parametrize(

@@ -268,6 +268,15 @@ def test_a_study_of_before_is_resumed_on_its_boxes_and_on_no_other_sole(study):
         study.require({**DESCRIPTION, "settings": now})
 
 
+def test_a_study_that_keeps_a_setting_without_effect_goes_on_without_it(path, study):
+    began = study.description()["settings"]
+    older = path.parent / "older.db"
+    with Study.create(older, {**DESCRIPTION, "settings": {**began, "walk.measures": True}}) as kept:
+        kept.require(DESCRIPTION)
+        with pytest.raises(StudyError, match=r"study\.seed = 0, not 1"):
+            kept.require({**DESCRIPTION, "settings": {**began, "study.seed": 1}})
+
+
 def test_another_path_of_the_same_robot_is_accepted_and_another_robot_is_not(study):
     wanted = {**DESCRIPTION, "settings": {**DESCRIPTION["settings"], "walk.model": "mine.sdf"}}
     study.require(wanted)

@@ -134,7 +134,15 @@ def test_a_study_goes_on_after_a_full_disk_whenever_it_was_full(tmp_path):
     assert max(numbers) > 20
 
 
-@pytest.fixture(params=[2, 3])
+SINCE = {
+    2: ["peak_ground_reaction"],
+    3: ["slip_ratio", "jump"],
+    4: ["driving_torque", "braking_torque", "driving_speed", "braking_speed", "line_share"],
+}
+"""Columns that came after each schema."""
+
+
+@pytest.fixture(params=SINCE)
 def old(request, path, entry, measures):
     """Path of a study of an older schema, with one walk and its measures."""
     walk = dataclasses.replace(entry.walk, measures=measures)
@@ -142,11 +150,17 @@ def old(request, path, entry, measures):
         study.add(dataclasses.replace(entry, walk=walk))
         study.set("schema", request.param)
     connection = sqlite3.connect(path)
-    connection.execute("alter table walks rename column frames to steps")
-    if request.param == 2:
-        connection.execute("alter table walks drop column peak_ground_reaction")
+    if request.param < 4:
+        connection.execute("alter table walks rename column frames to steps")
+    for name in lacking(request.param):
+        connection.execute(f"alter table walks drop column {name}")
     connection.close()
     return path
+
+
+def lacking(schema):
+    """Columns that a file of an older schema lacks."""
+    return [name for since, names in SINCE.items() if since >= schema for name in names]
 
 
 def test_a_study_of_an_older_schema_is_read_and_left_as_it_is(old, entry, measures):
@@ -154,9 +168,10 @@ def test_a_study_of_an_older_schema_is_read_and_left_as_it_is(old, entry, measur
     with Study.open(old) as study:
         (walk,) = study.walks()
         table = study.table()
-        without = study.description()["schema"] == 2
-    assert np.isnan(walk.walk.measures.peak_ground_reaction) == without
-    assert np.isnan(table["peak_ground_reaction"]).all() == without
+        without = lacking(study.description()["schema"])
+    for name in SINCE[2] + SINCE[4]:
+        assert np.isnan(getattr(walk.walk.measures, name)) == (name in without)
+        assert np.isnan(table[name]).all() == (name in without)
     assert table["frames"].tolist() == [entry.walk.frames] == [walk.walk.frames]
     assert "steps" not in table
     assert table["slip_left"].tolist() == [measures.slip[1]]
@@ -165,7 +180,7 @@ def test_a_study_of_an_older_schema_is_read_and_left_as_it_is(old, entry, measur
 
 def test_a_study_of_an_older_schema_goes_on_with_the_columns_of_this_one(old, entry, measures):
     with Study.open(old) as study:
-        without = study.description()["schema"] == 2
+        without = lacking(study.description()["schema"])
     walk = dataclasses.replace(entry.walk, measures=measures)
     for number in (1, 2):
         with Study.open(old, driver=True) as study:
@@ -174,7 +189,8 @@ def test_a_study_of_an_older_schema_goes_on_with_the_columns_of_this_one(old, en
     with Study.open(old) as study:
         table = study.table()
         assert [walk.id for walk in study.walks()] == [0, 1, 2]
-    assert np.isnan(table["peak_ground_reaction"]).tolist() == [without, False, False]
+    for name in SINCE[2] + SINCE[4]:
+        assert np.isnan(table[name]).tolist() == [name in without, False, False]
     assert table["frames"].tolist() == [entry.walk.frames] * 3
     assert table["seconds"].tolist() == [entry.seconds] * 3
     assert table["toe_range_left_lesser"].tolist() == [measures.toe_range[3]] * 3
@@ -182,4 +198,4 @@ def test_a_study_of_an_older_schema_goes_on_with_the_columns_of_this_one(old, en
 
 def test_a_change_of_the_columns_is_a_new_schema():
     digest = hashlib.sha256("\n".join(COLUMNS).encode()).hexdigest()[:12]
-    assert (SCHEMA, digest) == (4, "84eb0ef39d8a")
+    assert (SCHEMA, digest) == (5, "3c43c722dd7a")

@@ -131,9 +131,12 @@ def test_the_command_in_a_report_makes_the_same_walks(tmp_path):
     subprocess.run(command, check=True, capture_output=True)
     shown = _command_in(run / "report.html")
     subprocess.run(
-        shown.replace("python ", f"{sys.executable} ", 1), shell=True, check=True, cwd=tmp_path,
+        shown.replace("python ", f"{sys.executable} ", 1),
+        shell=True,
+        check=True,
+        cwd=tmp_path,
         capture_output=True,
-    )  # fmt: skip
+    )
     with Study.open(run) as first, Study.open(f"{run}-again") as second:
         assert first.description()["settings"] == second.description()["settings"]
         assert first.description()["settings"]["constraints.yaw_swing"] is None

@@ -15,7 +15,8 @@ from threadpoolctl import ThreadpoolController
 from drake_gait.errors import SettingsError
 from drake_gait.surrogates.arithmetic import learning, single_thread
 from drake_gait.surrogates.baselines import compare
-from drake_gait.surrogates.ensemble import FEWEST_SURVIVORS, fit, fit_single
+from drake_gait.surrogates.ensemble import fit, fit_single
+from drake_gait.surrogates.prediction import FEWEST_SURVIVORS
 from drake_gait.surrogates.residual_gp import KrigedNetwork
 
 X = np.random.default_rng(0).uniform(-1.0, 1.0, (60, 5)).round(3)
@@ -179,6 +180,7 @@ def test_the_global_random_numbers_are_left_alone():
     assert plain == random.getstate()
 
 
+@pytest.mark.slow
 def test_fits_in_threads_give_what_they_give_one_after_the_other():
     alone = [everything(seed=seed, baselines=True) for seed in range(2)]
     with ThreadPoolExecutor(2) as pool:

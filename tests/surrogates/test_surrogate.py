@@ -5,7 +5,8 @@ import pytest
 
 from drake_gait.errors import SettingsError
 from drake_gait.problem import OUTPUTS
-from drake_gait.surrogates.ensemble import FEWEST_SURVIVORS, fit, r_squared
+from drake_gait.surrogates.ensemble import fit, r_squared
+from drake_gait.surrogates.prediction import FEWEST_SURVIVORS
 
 
 def points(count, *, seed=0, dimension=16):

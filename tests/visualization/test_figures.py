@@ -121,16 +121,27 @@ def drawn(folder: Path, **environment: str) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-def test_a_user_s_matplotlibrc_and_backend_change_no_figure(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """Figures that are drawn without settings of a user."""
+    return drawn(tmp_path_factory.mktemp("drawn") / "plain")
+
+
+@pytest.mark.parametrize(
+    "backend",
+    [
+        "nonsense",
+        *(pytest.param(one, marks=pytest.mark.slow) for one in ("module://none", "qtagg", "")),
+    ],
+)
+def test_a_user_s_matplotlibrc_and_backend_change_no_figure(
+    tmp_path: Path, plain: dict[str, bytes], backend: str
+) -> None:
     (tmp_path / "matplotlibrc").write_text(ODD)
-    plain = drawn(tmp_path / "plain")
     names = ["grid.png", "grid.svg", "picture.png", "variants.png", "variants.svg"]
     assert sorted(plain) == names
-    for number, backend in enumerate(["nonsense", "module://none", "qtagg", ""]):
-        odd = drawn(
-            tmp_path / str(number), MATPLOTLIBRC=str(tmp_path / "matplotlibrc"), MPLBACKEND=backend
-        )
-        assert odd == plain, backend
+    rc = str(tmp_path / "matplotlibrc")
+    assert drawn(tmp_path / "odd", MATPLOTLIBRC=rc, MPLBACKEND=backend) == plain
 
 
 @pytest.mark.parametrize("name", ["$x_{$", "a$b", "\\frac", "𝒱🤖", "größe & <b>", "%", "#"])

@@ -133,6 +133,7 @@ print("ended")
 """
 
 
+@pytest.mark.slow
 def test_a_meshcat_begins_and_ends_in_whichever_thread_draws(tmp_path: Path) -> None:
     # Where one ends in another thread, Drake ends the process with SIGABRT.
     ended = subprocess.run(

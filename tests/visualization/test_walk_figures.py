@@ -102,6 +102,7 @@ def test_postures_name_the_angles_of_the_toes_that_are_bent_more(
     assert texts(path).count("left toes 17° and 14°") == 5
 
 
+@pytest.mark.slow
 def test_postures_show_the_whole_robot_however_long_its_step(
     history: History, seen: list[Picture], tmp_path: Path
 ) -> None:

@@ -14,7 +14,7 @@ from pydrake.systems.framework import Context
 
 from drake_gait.errors import ModelError
 from drake_gait.foot import FootDesign
-from drake_gait.gait import FRAME_TIME, FRAMES, FloatArray
+from drake_gait.gait import FRAME_TIME, FloatArray, Schedule, schedule_of
 from drake_gait.robot.description import read_model, servo_of
 from drake_gait.simulation.command_source import commands_at
 from drake_gait.simulation.measures import measures_of
@@ -97,8 +97,11 @@ class _Observer(Observer):
         sent: FloatArray,
         mass: float,
         delay: float,
+        schedule: Schedule,
     ) -> None:
-        super().__init__(found.robot, commands, sent=sent, mass=mass, delay=delay)
+        super().__init__(
+            found.robot, commands, sent=sent, mass=mass, delay=delay, schedule=schedule
+        )
         self._found, self._data = found, data
 
     def _contacts(self, plant_context: Context) -> list[Touch]:
@@ -164,7 +167,9 @@ class _Log:
         # Speeds of a plate are linear in place: their mean by load is that at the load's centre.
         self._sliding.append(np.hypot(sums[1], sums[2]) / np.maximum(sums[0], _LIGHTEST))
 
-    def measures(self, walk: Walk, sent: FloatArray, mass: float, delay: float) -> Measures:
+    def measures(
+        self, walk: Walk, sent: FloatArray, mass: float, delay: float, schedule: Schedule
+    ) -> Measures:
         """Return the measures of the walk."""
         # A robot that flies apart has numbers that grow beyond all bounds.
         with np.errstate(all="ignore"):
@@ -172,9 +177,12 @@ class _Log:
             states = np.array(self._states).T
             record = meter.record(np.array(self._time), states, sent, mass, delay=delay)
             record = replace(
-                record, loads=np.array(self._loads).T, sliding=np.array(self._sliding).T
+                record,
+                loads=np.array(self._loads).T,
+                sliding=np.array(self._sliding).T,
+                schedule=schedule,
             )
-            return measures_of(record, forward=walk.forward, yaw_swing=walk.yaw_swing or 0.0)
+            return measures_of(record, forward=walk.forward)
 
 
 _LIGHTEST = 1e-6
@@ -188,23 +196,64 @@ def follow(
     *,
     history: bool = False,
     watch: Watch | None = None,
-    frames: int = FRAMES,
+    frames: int | None = None,
+    schedule: Schedule | None = None,
     hardness: Hardness | None = None,
 ) -> Walk:
     """Let the servos follow joint commands from a standing start.
 
     Args:
-        commands: Joint angles [rad], shape (241, 10), columns as gait.JOINTS, one row a frame.
+        commands: Joint angles [rad], shape (n + 1, 10), columns as gait.JOINTS, one row a frame.
         foot: The toes.
         settings: How to simulate.
         history: Whether to record time histories.
         watch: Told of every frame as it is reached.
-        frames: How many to walk.
+        frames: How many to walk; all by default.
+        schedule: The gait's cycle and frames.
         hardness: Of the contacts; for comparisons.
 
     Raises:
         ModelError: the robot description cannot be used, or not in MuJoCo.
     """
+    frames = len(commands) - 1 if frames is None else frames
+    schedule = schedule or schedule_of(len(commands) - 1)
+    mass, late = (settings.disturbance or Disturbance()).mass, settings.delay
+    with _warnings() as warnings:
+        ready = prepare(commands, foot, settings, hardness=hardness)
+        found, data, sent = ready.model, ready.data, ready.sent
+        observer = _Observer(found, data, commands, sent, mass, late, schedule) if history else None
+        log = _Log(found, data)
+        walk = _advance(
+            found, data, ready.targets, log, settings.time_limit, observer, watch, frames, warnings
+        )
+    if walk.outcome is Outcome.DIVERGED:
+        return walk
+    measures = log.measures(walk, sent, mass, late, schedule)
+    return replace(walk, history=observer.history() if observer else None, measures=measures)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Prepared:
+    """A robot that stands, about to follow commands."""
+
+    model: _Model
+    """The robot."""
+    data: mujoco.MjData
+    """Its state."""
+    sent: FloatArray
+    """Commands with the servos' own zeros [rad], shape (n + 1, m)."""
+    targets: FloatArray
+    """What the servos follow in each step [rad], shape (n, steps, m)."""
+
+
+def prepare(
+    commands: FloatArray,
+    foot: FootDesign,
+    settings: WalkSettings,
+    *,
+    hardness: Hardness | None = None,
+) -> Prepared:
+    """Stand a robot up, about to follow `commands`; the arguments are those of `follow`."""
     changed, step = settings.disturbance or Disturbance(), settings.stepping.step
     model = read_model(settings.model, settings.robot)
     config = PlantConfig(
@@ -219,22 +268,12 @@ def follow(
     of_papers = FootDesign(rigid_toes=foot.rigid_toes)
     foot_stands = None if config.foot is None else of_papers
     standing = replace(config, foot=foot_stands, friction=1.0, voltage=1.0)
-    with _warnings() as warnings:
-        found = _model(config, step, changed.mass, hardness)
-        data = mujoco.MjData(found.model)
-        data.qpos[:] = _standing(standing, step, hardness)
-        sent = found.robot.joints.sent(commands + np.array(changed.joint_zeros))
-        late = settings.delay
-        observer = _Observer(found, data, commands, sent, changed.mass, late) if history else None
-        log = _Log(found, data)
-        walk = _advance(
-            found, data, _in_steps(sent, step, late), log, settings.time_limit, observer, watch,
-            frames, warnings,
-        )  # fmt: skip
-    if walk.outcome is Outcome.DIVERGED:
-        return walk
-    measures = log.measures(walk, sent, changed.mass, late)
-    return replace(walk, history=observer.history() if observer else None, measures=measures)
+    found = _model(config, step, changed.mass, hardness)
+    data = mujoco.MjData(found.model)
+    data.qpos[:] = _standing(standing, step, hardness)
+    sent = found.robot.joints.sent(commands + np.array(changed.joint_zeros))
+    targets = _in_steps(sent, step, settings.delay)
+    return Prepared(model=found, data=data, sent=sent, targets=targets)
 
 
 def _advance(
@@ -324,8 +363,9 @@ class _Servos:
         data.ctrl = command
         if servo.load_friction:
             speeds = data.qvel[self._speeds]
-            asked = servo.stiffness * (command - data.qpos[self._angles]) - servo.damping * speeds
-            motor = np.clip(asked, -self._stall, self._stall) - self._back_emf * speeds
+            error = command - data.qpos[self._angles]
+            controller = servo.controller_torque(error, speeds, self._stall)
+            motor = servo.motor_torque(controller, speeds, self._back_emf)
             self._model.dof_frictionloss[self._speeds] = servo.friction_limit(motor)
 
 

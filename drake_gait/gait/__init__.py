@@ -1,0 +1,76 @@
+"""Gaits: numbers to joint angle commands, by families of gaits."""
+
+from drake_gait.gait.families import family_of, gait_of, plain_family, plain_gait
+from drake_gait.gait.family import (
+    ROUNDING,
+    AnyGait,
+    FamilyGait,
+    GaitFamily,
+    Schedule,
+    Variable,
+    frames_of,
+    raised_cosine,
+    setting,
+)
+from drake_gait.gait.harmonics import Harmonics
+from drake_gait.gait.joints import (
+    ANGLE_LIMITS,
+    FRAME_TIME,
+    JOINTS,
+    WAVEFORMS,
+    FloatArray,
+    joint_commands,
+    joint_rows,
+)
+from drake_gait.gait.keyframes import KeyFrames
+from drake_gait.gait.paper import (
+    ANGULAR_VELOCITY,
+    COEFFICIENTS,
+    CYCLE_TIME,
+    FRAMES,
+    PAPER,
+    STANDING,
+    TERMS,
+    WALKING,
+    Gait,
+    PaperFamily,
+    Start,
+    schedule_of,
+)
+
+__all__ = [
+    "ANGLE_LIMITS",
+    "ANGULAR_VELOCITY",
+    "COEFFICIENTS",
+    "CYCLE_TIME",
+    "FRAMES",
+    "FRAME_TIME",
+    "JOINTS",
+    "PAPER",
+    "ROUNDING",
+    "STANDING",
+    "TERMS",
+    "WALKING",
+    "WAVEFORMS",
+    "AnyGait",
+    "FamilyGait",
+    "FloatArray",
+    "Gait",
+    "GaitFamily",
+    "Harmonics",
+    "KeyFrames",
+    "PaperFamily",
+    "Schedule",
+    "Start",
+    "Variable",
+    "family_of",
+    "frames_of",
+    "gait_of",
+    "joint_commands",
+    "joint_rows",
+    "plain_family",
+    "plain_gait",
+    "raised_cosine",
+    "schedule_of",
+    "setting",
+]
