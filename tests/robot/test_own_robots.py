@@ -16,12 +16,14 @@ from drake_gait.errors import ModelError, SettingsError
 from drake_gait.foot import FootDesign
 from drake_gait.gait import JOINTS, STANDING
 from drake_gait.optimization import open_study, try_robot
+from drake_gait.report.standing import study_to_begin_with
 from drake_gait.robot.description import RobotModel, read_model, servo_of
 from drake_gait.robot.robot_file import default_robot, parsed, read_robot_file
 from drake_gait.servo import Servo
 from drake_gait.simulation.plant import build_robot
 from drake_gait.simulation.plant_config import PlantConfig
 from drake_gait.simulation.simulate import follow, try_out
+from drake_gait.simulation.stand_up import stand_up
 from drake_gait.study.reading import default_study, read_study
 from drake_gait.study.robot import settings_with_robot
 from drake_gait.study.store import Study
@@ -106,6 +108,23 @@ def test_the_shipped_file_is_the_robot_that_walks_by_default():
     assert set(robot.signs) == {1}
     assert (robot.servo, robot.standing) == (Servo(), None)
     assert read_model("khr3hv.toml") == read_model("khr3hv.sdf") == read_model()
+
+
+def test_the_op3_stands_steps_and_has_a_study_to_begin_with(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    stood = stand_up(WalkSettings(model="op3.toml"))
+    assert stood.mass == pytest.approx(3.147, abs=1e-3)
+    assert stood.com_limit == pytest.approx(read_robot_file("op3.toml").com_height, abs=1e-4)
+    assert stood.touching == ()
+    assert max(abs(one.torque) / one.stall for one in stood.servos) < 0.2
+    (tmp_path / "op3.study.toml").write_text(study_to_begin_with(stood, "op3.toml", ""))
+    assert read_study(tmp_path / "op3.study.toml").walk.model == "op3.toml"
+    gait = Gait.from_degrees(
+        [[0, 2.9, 9.6, 0], [16, -9.5, 7, 0], [35.3, 0, 15.6, -0.3], [19.9, 9.5, 8.7, -0.3]]
+    )
+    walk = simulate(Candidate(gait=gait), WalkSettings(model="op3.toml", start="shift"))
+    assert walk.survived
+    assert walk.forward > 0.3
 
 
 def test_comments_and_names_do_not_make_another_robot(robots):
