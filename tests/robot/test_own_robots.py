@@ -22,7 +22,8 @@ from drake_gait.robot.robot_file import default_robot, parsed, read_robot_file
 from drake_gait.servo import Servo
 from drake_gait.simulation.plant import build_robot
 from drake_gait.simulation.plant_config import PlantConfig
-from drake_gait.simulation.simulate import follow, try_out
+from drake_gait.simulation.servo_joints import actuators
+from drake_gait.simulation.simulate import follow, measured_at_every_step, try_out
 from drake_gait.simulation.stand_up import stand_up
 from drake_gait.study.reading import default_study, read_study
 from drake_gait.study.robot import settings_with_robot
@@ -125,6 +126,31 @@ def test_the_op3_stands_steps_and_has_a_study_to_begin_with(tmp_path, monkeypatc
     walk = simulate(Candidate(gait=gait), WalkSettings(model="op3.toml", start="shift"))
     assert walk.survived
     assert walk.forward > 0.3
+
+
+def test_a_group_of_joints_has_servos_of_its_own(robots):
+    own = robots["toed"].with_name("groups.toml")
+    groups = (
+        "[servo.knee]\nstiffness_n_m_per_rad = 40\nno_load_speed_rad_per_s = 3.74\n"
+        "stall_torque_n_m = 2.5\n[servo.others]\ndamping_n_m_s_per_rad = 0.1\n"
+    )
+    own.write_text(f"{TOED}[servo]\nstiffness_n_m_per_rad = 20\n{groups}")
+    robot = build_robot(PlantConfig(model=own, servo=Servo(stiffness=10.0)))
+    for actuator in actuators(robot.plant):
+        name, gains = actuator.joint().name(), actuator.get_controller_gains()
+        # A study with servos half as stiff has all groups half as stiff.
+        assert gains.p == pytest.approx(20.0 if "knee" in name else 10.0)
+        assert gains.d == pytest.approx(0.1 if "yaw" in name else 0.2)
+        assert actuator.effort_limit() == pytest.approx(2.5 if "knee" in name else 1.5)
+    knees = ["knee" in name for name in robot.joints.names]
+    lost = np.where(knees, 2.5 / 3.74, 1.5 / 7.48)
+    np.testing.assert_allclose(robot.meter.back_emf, lost)
+    dampings = [robot.plant.GetJointByName(name).default_damping() for name in robot.joints.names]
+    np.testing.assert_allclose(dampings, lost)
+    walk, exact = measured_at_every_step(MILD, WalkSettings(model=own, servo=Servo(stiffness=10.0)))
+    assert walk.measures.peak_torque == pytest.approx(exact.peak_torque, rel=1e-6)
+    assert walk.measures.energy == pytest.approx(exact.energy, rel=1e-3)
+    try_out(MILD, WalkSettings(model=own, engine="mujoco", servo=Servo(load_friction=0.1)))
 
 
 def test_comments_and_names_do_not_make_another_robot(robots):
@@ -323,6 +349,11 @@ BAD = {
     "stall torque of less than nothing": (
         ("toml", "[servo]", "[servo]\nstall_torque_n_m = -1"),
         "servo.stall_torque_n_m must be > 0 and < 10000 N·m, got -1",
+    ),
+    "servo of no group": (("toml", "[limits]", "[servo.hip]\n[limits]"), "'hip'; the nearest is"),
+    "group of nothing": (
+        ("toml", "[limits]", "[servo.knee]\nstiffness_n_m_per_rad = -1\n[limits]"),
+        "servo.knee.stiffness_n_m_per_rad must be > 0",
     ),
     "fall at any height": (
         ("toml", "[limits]", "[fall]\nheight = 2\n[limits]"),
