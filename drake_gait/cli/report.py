@@ -1,8 +1,8 @@
 """Write a study's page again, or compare studies: `python -m drake_gait report RUN [RUN...]`.
 
-One run: result.json and report.html are written anew from its walks, and those of its figures,
-recording and network that would come out otherwise. The report of a running study has the walks so
-far. Several runs: one page with them side by side.
+One run: result.json and report.html are written anew from its walks. So are those of its
+figures, recording and network that would come out otherwise. The report of a running study has
+the walks so far. Several runs: one page with them side by side.
 """
 
 import argparse
