@@ -15,6 +15,7 @@ from drake_gait.cli.optimize import parse
 from drake_gait.errors import ModelError, SettingsError
 from drake_gait.foot import FootDesign
 from drake_gait.gait import JOINTS, STANDING
+from drake_gait.hardware.joint_log import read_joint_log
 from drake_gait.optimization import open_study, try_robot
 from drake_gait.report.standing import study_to_begin_with
 from drake_gait.robot.description import RobotModel, read_model, servo_of
@@ -151,6 +152,17 @@ def test_a_group_of_joints_has_servos_of_its_own(robots):
     assert walk.measures.peak_torque == pytest.approx(exact.peak_torque, rel=1e-6)
     assert walk.measures.energy == pytest.approx(exact.energy, rel=1e-3)
     try_out(MILD, WalkSettings(model=own, engine="mujoco", servo=Servo(load_friction=0.1)))
+
+
+def test_a_log_may_name_the_joints_of_the_model(robots, tmp_path):
+    log, robot = tmp_path / "log.csv", read_robot_file(robots["stiff"])
+    log.write_text("time_s,right_knee,knee_l\n0,-20,5\n1,-35,7\n")
+    found = read_joint_log(log, robot).angles
+    np.testing.assert_allclose(np.degrees(found["knee_r"]), [0.0, 15.0])
+    np.testing.assert_allclose(np.degrees(found["knee_l"]), [5.0, 7.0])
+    log.write_text("time_s,hip_roll_r\n0,1\n1,1\n")
+    with pytest.raises(SettingsError, match="right_hip, right_knee"):
+        read_joint_log(log, robot)
 
 
 def test_comments_and_names_do_not_make_another_robot(robots):
