@@ -12,15 +12,16 @@ from drake_gait.errors import StudyError
 from drake_gait.hardware.joint_log import agreement, read_joint_log
 from drake_gait.report.result import in_words
 from drake_gait.report.tables import Table, number
+from drake_gait.robot.description import robot_of
 from drake_gait.simulation.simulate import simulate
 from drake_gait.visualization.walk import joint_angles
 
 
 def work(options: argparse.Namespace) -> None:
     """Do what the command line says."""
-    log = read_joint_log(options.log)
-    log = replace(log, times=log.times + options.shift)
     settings, chosen, as_then = choose(options.run, options.walk)
+    log = read_joint_log(options.log, robot_of(as_then.model, as_then.robot))
+    log = replace(log, times=log.times + options.shift)
     history = simulate(chosen.candidate, as_then, history=True).history
     if history is None:
         raise StudyError(

@@ -1,8 +1,9 @@
 """Lay measured joint angles over simulated ones: `python -m drake_gait overlay RUN LOG.csv`.
 
 LOG.csv has a column time_s, and angles in degrees in columns named as joints (hip_roll_r, knee_l
-and so on). Its time 0 is the walk's; --shift moves it. For each joint the delay and the root mean
-square of the difference are told. --out draws the angles over each other.
+and so on, or as in the robot's model). Its time 0 is the walk's; --shift moves it. For each joint
+the delay and the root mean square of the difference are told. --out draws the angles over each
+other.
 """
 
 import argparse

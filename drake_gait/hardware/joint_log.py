@@ -10,6 +10,7 @@ import numpy as np
 from drake_gait.errors import SettingsError
 from drake_gait.files.text import read_text
 from drake_gait.gait import JOINTS, FloatArray
+from drake_gait.robot.robot_file import RobotFile, default_robot
 
 TIME = "time_s"
 """Name of the column of times."""
@@ -23,7 +24,7 @@ class JointLog:
     times: FloatArray
     """Time of each row [s], shape (n,), rising."""
     angles: Mapping[str, FloatArray]
-    """Angles by joint [rad], shape (n,) each."""
+    """Angles by role [rad], shape (n,) each, counted as a gait counts them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,23 +41,37 @@ class Agreement:
     """The same once the delay is taken out [rad]."""
 
 
-def read_joint_log(path: Path) -> JointLog:
+def read_joint_log(path: Path, robot: RobotFile | None = None) -> JointLog:
     """Read a CSV file: a column `time_s`, and angles in degrees in columns named as joints.
 
-    Columns of other names are left out.
+    A column is named as a role of `gait.JOINTS`, or as the joint of the robot's model that plays
+    it; such angles are the model's, and are told in the signs of the roles. Columns of other names
+    are left out.
+
+    Args:
+        path: The file.
+        robot: The robot's file; that of the KHR-3HV by default.
 
     Raises:
         SettingsError: it cannot be read, has no such columns, or a cell is no number; names it.
     """
     rows, header = _rows(path)
-    joints = [name for name in JOINTS if name in header]
-    if TIME not in header or not joints:
+    robot = robot or default_robot()
+    there = [(role, joint) for role, joint in zip(JOINTS, robot.joints, strict=True) if joint]
+    found = [(role, role if role in header else joint) for role, joint in there]
+    found = [(role, name) for role, name in found if name in header]
+    if TIME not in header or not found:
+        known = dict.fromkeys(joint for _, joint in there)
         raise SettingsError(
             f"{path} has no column '{TIME}', or none of a joint; its first line must name "
-            f"{TIME} and some of {', '.join(JOINTS)}"
+            f"{TIME} and some of {', '.join(known)}"
         )
-    columns = _columns(path, rows, header, [TIME, *joints])
-    angles = {name: np.radians(column) for name, column in zip(joints, columns[1:], strict=True)}
+    columns = _columns(path, rows, header, [TIME, *(name for _, name in found)])
+    standing = dict(robot.standing or ())
+    angles = {}
+    for (role, name), column in zip(found, np.radians(columns[1:]), strict=True):
+        of_model = robot.signs[JOINTS.index(role)] * (column - standing.get(name, 0.0))
+        angles[role] = column if name == role else of_model
     return JointLog(times=columns[0], angles=angles)
 
 

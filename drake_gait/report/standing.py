@@ -83,6 +83,9 @@ def _centre(stood: Stood) -> FloatArray:
     """
     centre: FloatArray = np.degrees(read_study(default_study()).space.centre)
     centre[1:, 0] -= np.degrees(stood.bend)
+    # A knee of the paper's family bends from the standing pose on; the sole stays level.
+    further = max(0.0, -float(centre[2, 0]))
+    centre[1:, 0] += np.array([0.5, 1.0, 0.5]) * further
     right, left = stood.walk.history.ankles[0] if stood.walk.history else np.zeros((2, 3))
     apart = 0.5 * float(left[1] - right[1])
     centre[0] *= apart / float(stood.centre[2]) / _KHR_LEAN

@@ -97,6 +97,27 @@ class Outline:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ServoGroup:
+    """Servos of a group of joints, beside those of the others.
+
+    A study that has other servos than the robot's file scales those of all groups alike.
+    """
+
+    stiffness: float = 1.0
+    """Their stiffness / that of the others."""
+    damping: float = 1.0
+    """Their damping / that of the others."""
+    no_load_speed: float = 1.0
+    """Their no-load speed / that of the others."""
+    stall_torque: float | None = None
+    """Their stall torque [N·m]; None: as the others."""
+
+
+OTHER_JOINTS = "others"
+"""Group of the joints without a role; other groups have the names of ROLES."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class RobotFile:
     """All that a robot's file says; two are equal if they mean the same robot."""
 
@@ -123,6 +144,8 @@ class RobotFile:
     """Servos of all joints, but for what `groups` says."""
     stall_torque: float | None = None
     """Stall torque of the servos [N·m]; None: the model's own effort limits."""
+    groups: tuple[tuple[str, ServoGroup], ...] = ()
+    """Groups of joints that have servos of their own, by the names of ROLES, or OTHER_JOINTS."""
     fall_lean: float = math.radians(45.0)
     """The robot has fallen when its torso leans further than this from upright [rad]."""
     fall_height: float = 0.8
@@ -163,6 +186,16 @@ class RobotFile:
         """Return all joints that it names: those with a role, hinges, and those that stand bent."""
         named = (*self.joints, *self.hinges, *dict(self.standing or ()))
         return tuple(dict.fromkeys(name for name in named if name is not None))
+
+    def group_of(self, joint: str) -> ServoGroup:
+        """Return what the servo of a joint has of its own."""
+        role = ROLES[self.joints.index(joint) % len(ROLES)] if joint in self.joints else None
+        return dict(self.groups).get(role or OTHER_JOINTS, ServoGroup())
+
+    def stall_of(self, joint: str) -> float | None:
+        """Return the stall torque of a joint's servo [N·m]; None: the model's effort limit."""
+        own = self.group_of(joint).stall_torque
+        return self.stall_torque if own is None else own
 
     def is_left(self, link: str) -> bool:
         """Return whether a link is one of the left foot."""
@@ -269,7 +302,7 @@ _TABLES = {
     "left": (*ROLES, "ankle_link", "foot_link", *TOES),
     "toes": ("width_mm", "gap_mm"),
     "standing_deg": None,
-    "servo": (*SERVO, "stall_torque_n_m"),
+    "servo": (*SERVO, "stall_torque_n_m", *ROLES, OTHER_JOINTS),
     "fall": ("lean_deg", "height"),
     "limits": ("com_height_mm", "load_n"),
 }
@@ -279,6 +312,10 @@ _SIZE = Range(lower=0.0, upper=10.0, open=True)  # m
 _LEAN = Range(lower=math.radians(5.0), upper=math.radians(90.0))
 _PART = Range(lower=0.1, upper=1.0, open=True)
 _TORQUE = Range(lower=0.0, upper=1e4, open=True)
+_STALL = "stall_torque_n_m"
+_OF_GROUPS = tuple(
+    key for key, (name, _) in SERVO.items() if name in ("stiffness", "damping", "no_load_speed")
+)
 _STIFFNESS, _DAMPING = "stiffness_n_mm_per_deg", "damping_n_m_s_per_rad"
 _N_MM_DEG = Unit(name="N·mm/deg", si=N_MM_PER_DEG)
 _N_M, _N = Unit(name="N·m"), Unit(name="N")
@@ -298,8 +335,10 @@ def _robot(content: Mapping[str, Any], text: str) -> RobotFile:
     legs = _leg("right", content), _leg("left", content)
     _check_legs(*legs)
     fall, limits = content.get("fall", {}), content.get("limits", {})
-    servo = dict(content.get("servo", {}))
-    stall = servo.pop("stall_torque_n_m", None)
+    table = dict(content.get("servo", {}))
+    stall = table.pop(_STALL, None)
+    of_groups = {name: table.pop(name) for name in (*ROLES, OTHER_JOINTS) if name in table}
+    servo = _servo(table)
     return RobotFile(
         name=_word("name", content.get("name", "robot")),
         model=_word("model", content.get("model")),
@@ -309,8 +348,9 @@ def _robot(content: Mapping[str, Any], text: str) -> RobotFile:
         outline=_outline(content, legs[0]),
         standing=_standing(content),
         others=Others(others),
-        servo=_servo(servo),
-        stall_torque=_number("servo.stall_torque_n_m", stall, _N_M, _TORQUE),
+        servo=servo,
+        stall_torque=_number(f"servo.{_STALL}", stall, _N_M, _TORQUE),
+        groups=tuple((name, _group(name, own, servo)) for name, own in of_groups.items()),
         fall_lean=_number("fall.lean_deg", fall.get("lean_deg", 45.0), DEGREES, _LEAN) or 0.0,
         fall_height=_number("fall.height", fall.get("height", 0.8), NONE, _PART) or 0.0,
         com_height=_number("limits.com_height_mm", limits.get("com_height_mm"), MM, _SIZE),
@@ -432,6 +472,21 @@ def _servo(table: Mapping[str, Any]) -> Servo:
         key = next(key for key, (name, _) in SERVO.items() if name == error.field)
         told = error.told(f"servo.{key}", repr(table[key]), SERVO[key][1])
         raise ModelError(told) from None
+
+
+def _group(name: str, table: Any, servo: Servo) -> ServoGroup:
+    """Return the servos of a group, of which a file tells the numbers themselves."""
+    if not isinstance(table, Mapping):
+        raise ModelError(f"[servo.{name}] must be a table, got {table!r}")
+    _known(f"key of [servo.{name}]", table, (*_OF_GROUPS, _STALL))
+    parts = {}
+    for key, value in table.items():
+        if key != _STALL:
+            field_name, unit = SERVO[key]
+            found = _number(f"servo.{name}.{key}", value, unit, _TORQUE) or 0.0
+            parts[field_name] = found / getattr(servo, field_name)
+    stall = _number(f"servo.{name}.{_STALL}", table.get(_STALL), _N_M, _TORQUE)
+    return ServoGroup(**parts, stall_torque=stall)
 
 
 def _known(what: str, given: Mapping[str, Any], names: Collection[str]) -> None:

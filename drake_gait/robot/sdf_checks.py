@@ -285,7 +285,7 @@ def _check_joint(description: Description, joint: Element, robot: RobotFile) -> 
     value = None if effort is None else float(effort.text or "")
     where = joint if effort is None else effort
     usable = value is not None and 0.0 < value < float("inf")
-    if name in robot.joints and robot.stall_torque is None and not usable:
+    if name in robot.joints and robot.stall_of(name) is None and not usable:
         raise description.refusal(
             where,
             f"joint '{name}': <effort> must be the stall torque of its servo, > 0 N·m, got "

@@ -16,7 +16,7 @@ from drake_gait.simulation.command_source import commands_at
 from drake_gait.simulation.kinematics import Kinematics, Motion
 from drake_gait.simulation.measures import Record
 from drake_gait.simulation.plant_config import PlantConfig
-from drake_gait.simulation.servo_joints import actuators, toe_positions
+from drake_gait.simulation.servo_joints import actuators, servo_joints, toe_positions
 from drake_gait.simulation.tread import Tread, treads
 
 _PRECISION = np.float32
@@ -43,13 +43,13 @@ class Meter:
         np.empty(_LARGE_BLOCK)
         self._robot = robot = read_model(config.model).robot
         self._kinematics = Kinematics(plant, robot.torso)
-        self._servo = config.servo
+        self._servo, self._joints = config.servo, servo_joints(plant, robot)
         self.stall: FloatArray = np.array(
             [actuator.effort_limit() for actuator in actuators(plant)]
         )
         """Largest torque of each controller [N·m], shape (m,)."""
         # Stall torque and no-load speed both scale with the voltage: their ratio stays.
-        self.back_emf: FloatArray = self._servo.back_emf(self.stall, config.supply)
+        self.back_emf: FloatArray = self._joints.back_emf(self._servo, self.stall, config.supply)
         """Torque that each motor loses to its speed [N·m·s/rad], shape (m,)."""
         joints = [actuator.joint() for actuator in actuators(plant)]
         self._angles = [joint.position_start() for joint in joints]
@@ -88,7 +88,7 @@ class Meter:
         frames, servo = _frames(time), self._servo
         speeds = states[self._speeds]
         error = servo.engaged(commands_at(commands, time - delay).T - states[self._angles])
-        controllers = servo.controller_torque(error, speeds, self.stall[:, None])
+        controllers = self._joints.controller_torque(servo, error, speeds, self.stall)
         motors = servo.motor_torque(controllers, speeds, self.back_emf[:, None])
         motions = self._kinematics.motions(states.astype(_PRECISION))
         pressed = [tread.load(motions[link]) for link, tread, _ in self._plates]

@@ -66,7 +66,7 @@ class Observer:
         """
         self._schedule = schedule
         self._robot, self._commands, self._mass_factor = robot, commands, mass
-        servo = self._servo = robot.config.servo
+        self._servo = robot.config.servo
         sent = robot.joints.sent(commands) if sent is None else sent
         plant, told = robot.plant, robot.model.robot
         # A copy to read from: the caches of the simulated context lag behind its state by up to a
@@ -83,7 +83,7 @@ class Observer:
         self._toe_positions = toe_positions(plant, told)
         self._absent = [np.nan if hinge is None else 0.0 for hinge in told.hinges]
         self._stall = robot.meter.stall
-        self._back_emf: FloatArray = servo.back_emf(self._stall, robot.config.supply)
+        self._back_emf = robot.meter.back_emf
         self._feet = [[plant.GetBodyByName(link) for link in leg.plates] for leg in told.legs]
         self._corners = [[sole_corners(robot, body) for body in foot] for foot in self._feet]
         self._geometries = {

@@ -343,15 +343,17 @@ def _add_servos(plant: MultibodyPlant, servo: Servo, model: RobotModel) -> None:
     _add_missing_actuators(plant, model)
     for actuator in actuators(plant):
         joint = actuator.joint()
-        if model.robot.stall_torque is not None:
-            actuator.set_effort_limit(model.robot.stall_torque)
+        group, stall = model.robot.group_of(joint.name()), model.robot.stall_of(joint.name())
+        if stall is not None:
+            actuator.set_effort_limit(stall)
         lower, upper = joint.position_lower_limits()[0], joint.position_upper_limits()[0]
         stands = standing.get(joint.name(), 0.0)
         if lower <= stands - _OUT_OF_REACH and upper >= stands + _OUT_OF_REACH:
             # A limit that is never reached costs the solver a fifth of a walk's time.
             joint.set_position_limits(_NEVER[0], _NEVER[1])
-        actuator.set_controller_gains(PdControllerGains(p=servo.stiffness, d=servo.damping))
-        back_emf = servo.back_emf(np.array([actuator.effort_limit()]))
+        stiffness, damper = group.stiffness * servo.stiffness, group.damping * servo.damping
+        actuator.set_controller_gains(PdControllerGains(p=stiffness, d=damper))
+        back_emf = servo.back_emf(np.array([actuator.effort_limit() / group.no_load_speed]))
         damping: FloatArray = joint.default_damping_vector() + back_emf
         joint.set_default_damping_vector(damping)
 
@@ -364,10 +366,10 @@ def _add_missing_actuators(plant: MultibodyPlant, model: RobotModel) -> None:
     if robot.others is Others.SERVO:
         wanted += _extra_joints(model)
     for name in wanted:
-        stall = robot.stall_torque or limits.get(name, 0.0)
+        stall = robot.stall_of(name) or limits.get(name, 0.0)
         if name not in there and stall > 0.0:
             plant.AddJointActuator(f"{name}_servo", plant.GetJointByName(name), stall)
-        elif name not in there or not (robot.stall_torque or np.isfinite(_effort(there[name]))):
+        elif name not in there or not (robot.stall_of(name) or np.isfinite(_effort(there[name]))):
             raise ModelError(
                 f": joint '{name}' has no stall torque; give it an effort limit in the model, or "
                 "[servo] of the robot's file a stall_torque_n_m"

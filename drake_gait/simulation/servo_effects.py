@@ -99,7 +99,8 @@ def _friction_of(robot: Robot) -> DryFriction:
         port = gait.GetOutputPort("desired_state")
         desired = cast(FloatArray, port.Eval(gait.GetMyContextFromRoot(context)))[: len(names)]
         state = plant.GetPositionsAndVelocities(plant.GetMyContextFromRoot(context))
-        controllers = servo.controller_torque(desired - state[angles], state[speeds], meter.stall)
+        error = desired - state[angles]
+        controllers = robot.joints.controller_torque(servo, error, state[speeds], meter.stall)
         return servo.motor_torque(controllers, state[speeds], meter.back_emf)
 
     return DryFriction(plant, names, servo, motors)

@@ -8,6 +8,7 @@ from pydrake.multibody.tree import JointActuator
 
 from drake_gait.gait import JOINTS, FloatArray
 from drake_gait.robot.robot_file import RobotFile
+from drake_gait.servo import Servo
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -22,6 +23,34 @@ class ServoJoints:
     """1 or -1 for each joint, 0 for those without a role, shape (m,)."""
     standing: FloatArray
     """Angle of each in the standing pose [rad], shape (m,)."""
+
+    stiffness: FloatArray
+    """Factor of each joint's servo on the stiffness of the walk's servos, shape (m,)."""
+    damping: FloatArray
+    """Factor of each on their damping, shape (m,)."""
+    no_load_speed: FloatArray
+    """Factor of each on their no-load speed, shape (m,)."""
+
+    def controller_torque(
+        self, servo: Servo, error: FloatArray, speed: FloatArray, stall: FloatArray
+    ) -> FloatArray:
+        """Return the torque that each controller asks of its motor [N·m].
+
+        Args:
+            servo: The walk's servos.
+            error: What winds up their springs, see `Servo.engaged` [rad], shape (m,) or (m, n).
+            speed: Speed of each joint [rad/s], the same shape.
+            stall: Stall torque of each [N·m], shape (m,).
+        """
+        shape = (-1, *(1,) * (error.ndim - 1))
+        stiffness, damping, most = (
+            one.reshape(shape) for one in (self.stiffness, self.damping, stall)
+        )
+        return servo.controller_torque(stiffness * error, damping * speed, most)
+
+    def back_emf(self, servo: Servo, stall: FloatArray, supply: float) -> FloatArray:
+        """Return the torque that each motor loses for each rad/s [N·m·s/rad], shape (m,)."""
+        return servo.back_emf(stall / self.no_load_speed, supply)
 
     def sent(self, commands: FloatArray) -> FloatArray:
         """Return what servos are sent for a gait's angles.
@@ -69,12 +98,16 @@ def servo_joints(plant: MultibodyPlant, robot: RobotFile) -> ServoJoints:
     known = {name: role for role, name in enumerate(robot.joints) if name is not None}
     roles = tuple(known.get(name, -1) for name in names)
     standing = dict(robot.standing or ())
+    groups = [robot.group_of(name) for name in names]
     signs = [robot.signs[role] if role >= 0 else 0 for role in roles]
     return ServoJoints(
         names=names,
         roles=roles,
         signs=np.array(signs, dtype=float),
         standing=np.array([standing.get(name, 0.0) for name in names]),
+        stiffness=np.array([one.stiffness for one in groups]),
+        damping=np.array([one.damping for one in groups]),
+        no_load_speed=np.array([one.no_load_speed for one in groups]),
     )
 
 

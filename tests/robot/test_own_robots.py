@@ -15,13 +15,17 @@ from drake_gait.cli.optimize import parse
 from drake_gait.errors import ModelError, SettingsError
 from drake_gait.foot import FootDesign
 from drake_gait.gait import JOINTS, STANDING
+from drake_gait.hardware.joint_log import read_joint_log
 from drake_gait.optimization import open_study, try_robot
+from drake_gait.report.standing import study_to_begin_with
 from drake_gait.robot.description import RobotModel, read_model, servo_of
 from drake_gait.robot.robot_file import default_robot, parsed, read_robot_file
 from drake_gait.servo import Servo
 from drake_gait.simulation.plant import build_robot
 from drake_gait.simulation.plant_config import PlantConfig
-from drake_gait.simulation.simulate import follow, try_out
+from drake_gait.simulation.servo_joints import actuators
+from drake_gait.simulation.simulate import follow, measured_at_every_step, try_out
+from drake_gait.simulation.stand_up import stand_up
 from drake_gait.study.reading import default_study, read_study
 from drake_gait.study.robot import settings_with_robot
 from drake_gait.study.store import Study
@@ -106,6 +110,59 @@ def test_the_shipped_file_is_the_robot_that_walks_by_default():
     assert set(robot.signs) == {1}
     assert (robot.servo, robot.standing) == (Servo(), None)
     assert read_model("khr3hv.toml") == read_model("khr3hv.sdf") == read_model()
+
+
+def test_the_op3_stands_steps_and_has_a_study_to_begin_with(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    stood = stand_up(WalkSettings(model="op3.toml"))
+    assert stood.mass == pytest.approx(3.147, abs=1e-3)
+    assert stood.com_limit == pytest.approx(read_robot_file("op3.toml").com_height, abs=1e-4)
+    assert stood.touching == ()
+    assert max(abs(one.torque) / one.stall for one in stood.servos) < 0.2
+    (tmp_path / "op3.study.toml").write_text(study_to_begin_with(stood, "op3.toml", ""))
+    assert read_study(tmp_path / "op3.study.toml").walk.model == "op3.toml"
+    gait = Gait.from_degrees(
+        [[0, 2.9, 9.6, 0], [16, -9.5, 7, 0], [35.3, 0, 15.6, -0.3], [19.9, 9.5, 8.7, -0.3]]
+    )
+    walk = simulate(Candidate(gait=gait), WalkSettings(model="op3.toml", start="shift"))
+    assert walk.survived
+    assert walk.forward > 0.3
+
+
+def test_a_group_of_joints_has_servos_of_its_own(robots):
+    own = robots["toed"].with_name("groups.toml")
+    groups = (
+        "[servo.knee]\nstiffness_n_m_per_rad = 40\nno_load_speed_rad_per_s = 3.74\n"
+        "stall_torque_n_m = 2.5\n[servo.others]\ndamping_n_m_s_per_rad = 0.1\n"
+    )
+    own.write_text(f"{TOED}[servo]\nstiffness_n_m_per_rad = 20\n{groups}")
+    robot = build_robot(PlantConfig(model=own, servo=Servo(stiffness=10.0)))
+    for actuator in actuators(robot.plant):
+        name, gains = actuator.joint().name(), actuator.get_controller_gains()
+        # A study with servos half as stiff has all groups half as stiff.
+        assert gains.p == pytest.approx(20.0 if "knee" in name else 10.0)
+        assert gains.d == pytest.approx(0.1 if "yaw" in name else 0.2)
+        assert actuator.effort_limit() == pytest.approx(2.5 if "knee" in name else 1.5)
+    knees = ["knee" in name for name in robot.joints.names]
+    lost = np.where(knees, 2.5 / 3.74, 1.5 / 7.48)
+    np.testing.assert_allclose(robot.meter.back_emf, lost)
+    dampings = [robot.plant.GetJointByName(name).default_damping() for name in robot.joints.names]
+    np.testing.assert_allclose(dampings, lost)
+    walk, exact = measured_at_every_step(MILD, WalkSettings(model=own, servo=Servo(stiffness=10.0)))
+    assert walk.measures.peak_torque == pytest.approx(exact.peak_torque, rel=1e-6)
+    assert walk.measures.energy == pytest.approx(exact.energy, rel=1e-3)
+    try_out(MILD, WalkSettings(model=own, engine="mujoco", servo=Servo(load_friction=0.1)))
+
+
+def test_a_log_may_name_the_joints_of_the_model(robots, tmp_path):
+    log, robot = tmp_path / "log.csv", read_robot_file(robots["stiff"])
+    log.write_text("time_s,right_knee,knee_l\n0,-20,5\n1,-35,7\n")
+    found = read_joint_log(log, robot).angles
+    np.testing.assert_allclose(np.degrees(found["knee_r"]), [0.0, 15.0])
+    np.testing.assert_allclose(np.degrees(found["knee_l"]), [5.0, 7.0])
+    log.write_text("time_s,hip_roll_r\n0,1\n1,1\n")
+    with pytest.raises(SettingsError, match="right_hip, right_knee"):
+        read_joint_log(log, robot)
 
 
 def test_comments_and_names_do_not_make_another_robot(robots):
@@ -229,6 +286,25 @@ def test_check_stands_a_robot_up_and_tells_what_a_search_needs(robots, tmp_path,
     assert settings.walk.model == str(robots["stiff"])
 
 
+def test_the_how_to_s_robot_stands_and_has_a_study(repository, tmp_path, monkeypatch, capfd):
+    page = (repository / "docs" / "howto" / "own_robot.md").read_text(encoding="utf-8")
+    (text,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    own_robots.write(tmp_path)
+    (tmp_path / "stiff.toml").write_text(text)
+    (tmp_path / "heavy.urdf").write_text(URDF.replace('mass value="1.0"', 'mass value="1.1"'))
+    monkeypatch.chdir(tmp_path)
+    commands = re.findall(r"^    python -m (.*)$", page, re.MULTILINE)
+    assert len(commands) == 3
+    for command in commands:
+        module, *words = command.split()
+        if module == "drake_gait":
+            assert words[0] == "check"
+            assert check(words[1:]) == 0
+        else:
+            settings = parse(words).settings()
+            try_robot(settings, read_model(settings.walk.model, settings.walk.robot))
+
+
 # --- Robots that are refused ----------------------------------------------------------------------
 
 STAND = "[standing_deg]\n"
@@ -285,6 +361,11 @@ BAD = {
     "stall torque of less than nothing": (
         ("toml", "[servo]", "[servo]\nstall_torque_n_m = -1"),
         "servo.stall_torque_n_m must be > 0 and < 10000 N·m, got -1",
+    ),
+    "servo of no group": (("toml", "[limits]", "[servo.hip]\n[limits]"), "'hip'; the nearest is"),
+    "group of nothing": (
+        ("toml", "[limits]", "[servo.knee]\nstiffness_n_m_per_rad = -1\n[limits]"),
+        "servo.knee.stiffness_n_m_per_rad must be > 0",
     ),
     "fall at any height": (
         ("toml", "[limits]", "[fall]\nheight = 2\n[limits]"),

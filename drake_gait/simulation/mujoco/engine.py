@@ -347,6 +347,7 @@ class _Servos:
 
     def __init__(self, found: _Model) -> None:
         self._servo, self._model = found.robot.config.servo, found.model
+        self._joints = found.robot.joints
         joints = found.model.actuator_trnid[:, 0]
         self._angles = found.model.jnt_qposadr[joints]
         self._speeds = found.model.jnt_dofadr[joints]
@@ -364,7 +365,7 @@ class _Servos:
         if servo.load_friction:
             speeds = data.qvel[self._speeds]
             error = command - data.qpos[self._angles]
-            controller = servo.controller_torque(error, speeds, self._stall)
+            controller = self._joints.controller_torque(servo, error, speeds, self._stall)
             motor = servo.motor_torque(controller, speeds, self._back_emf)
             self._model.dof_frictionloss[self._speeds] = servo.friction_limit(motor)
 
