@@ -19,7 +19,7 @@ columns that they lack. The driver that resumes one adds these columns.
 
 import json
 import stat
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 from contextlib import ExitStack
 from pathlib import Path
 from typing import IO, Any, Self
@@ -50,6 +50,9 @@ _SINCE_OLDEST = frozenset({"peak_ground_reaction", "slip_ratio", "jump"})
 """Columns that a study of an older schema may lack."""
 _RENAMED = {"frames": "steps"}
 """Columns that had another name until schema 3, with that name."""
+
+_AT_ONCE = 2000
+"""Walks that are read together."""
 
 QUANTITIES = "quantities"
 """Key of a study under which the quantities of its own are, as `Quantity.plain` has them."""
@@ -384,17 +387,24 @@ class Study:
         Raises:
             StudyError: a value is none that its column can have.
         """
-        present = self._found()
-        own = self.quantities()
-        names = [*NAMES, *own_names(own)]
-        columns = (_selected(name, present) for name in names)
-        found = self._database.rows(f"select {', '.join(columns)} from walks order by id")
-        try:
-            for row in found:
-                require_types(dict(zip(names, row, strict=True)), own)
-        except StudyError as error:
-            raise damaged(self.path, error) from None
-        return names, found
+        names = [*NAMES, *own_names(self.quantities())]
+        return names, [row for chunk in self._chunks(names) for row in chunk]
+
+    def _chunks(self, names: Sequence[str]) -> Iterator[list[tuple[Any, ...]]]:
+        """Read walks a few at a time, in the order of their ids: few are held twice."""
+        present, own = self._found(), self.quantities()
+        columns = ", ".join(_selected(name, present) for name in names)
+        beyond = ""
+        while found := self._database.rows(
+            f"select {columns} from walks {beyond} order by id limit {_AT_ONCE}"
+        ):
+            try:
+                for row in found:
+                    require_types(dict(zip(names, row, strict=True)), own)
+            except StudyError as error:
+                raise damaged(self.path, error) from None
+            yield found
+            beyond = f"where id > {found[-1][names.index('id')]}"
 
     def table(self) -> dict[str, NDArray[Any]]:
         """All walks so far, in the order of their ids: `pandas.DataFrame(study.table())`.
@@ -417,12 +427,15 @@ class Study:
         Raises:
             StudyError: a walk has a value that it cannot have.
         """
-        names, rows = self.rows()
-        try:
-            own = self.quantities()
-            return [from_row(dict(zip(names, row, strict=True)), own) for row in rows]
-        except StudyError as error:
-            raise damaged(self.path, error) from None
+        own = self.quantities()
+        names = [*NAMES, *own_names(own)]
+        walks: list[StudyWalk] = []
+        for chunk in self._chunks(names):
+            try:
+                walks += [from_row(dict(zip(names, row, strict=True)), own) for row in chunk]
+            except StudyError as error:
+                raise damaged(self.path, error) from None
+        return walks
 
 
 def study_file(path: str | Path) -> Path:
