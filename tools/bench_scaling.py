@@ -107,33 +107,45 @@ def bench_real(settings: StudySettings, walks: int) -> None:
         print(f"{count} processes: {rates[-1]:.2f} walks/s, efficiency {efficiency:.2f}")
 
 
+def driven(count: int, dask: bool, walks_each: int = 8) -> tuple[float, float]:
+    """Have stand-in workers walk, and keep every walk in a study.
+
+    Returns:
+        Walks per second, and the driver's processor time for one of them [s].
+    """
+    trials = trials_of(read_study(default_study(), {}).space, walks_each * count)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        Study.create(Path(folder) / "study.db", {}) as study,
+        sleepers(count, dask) as workers,
+    ):
+        list(workers.run(trials[:count]))
+        start, cpu = time.perf_counter(), time.process_time()
+        for finished in workers.run(trials):
+            study.add(entry(finished.index, trials[finished.index].candidate, finished.walk))
+        wall, cpu = time.perf_counter() - start, time.process_time() - cpu
+    return len(trials) / wall, cpu / len(trials)
+
+
 def bench_driver(settings: StudySettings, dask: bool) -> None:
     """Print the walks per second that workers, futures and store let through."""
-    with tempfile.TemporaryDirectory() as folder:
-        for count in COUNTS:
-            trials = trials_of(settings.space, 8 * count)
-            with (
-                Study.create(Path(folder) / f"{count}.db", {}) as study,
-                sleepers(count, dask) as workers,
-            ):
-                list(workers.run(trials[:count]))
-                start, cpu = time.perf_counter(), time.process_time()
-                for finished in workers.run(trials):
-                    study.add(
-                        entry(finished.index, trials[finished.index].candidate, finished.walk)
-                    )
-                wall, cpu = time.perf_counter() - start, time.process_time() - cpu
-            rate, ideal = len(trials) / wall, count / WALK_TIME
-            print(
-                f"{count:4d} workers: {rate:7.1f} walks/s of {ideal:6.0f}, busy "
-                f"{rate / ideal:.2f}, driver {1e3 * cpu / len(trials):.2f} ms a walk"
-            )
-        with Study.create(Path(folder) / "commits.db", {}) as study:
-            candidate, (walk, _) = trials[0].candidate, sleep(trials[0])
-            start = time.perf_counter()
-            for number in range(2000):
-                study.add(entry(number, candidate, walk))
-            print(f"store: {2000 / (time.perf_counter() - start):.0f} commits/s")
+    for count in COUNTS:
+        rate, cpu = driven(count, dask)
+        ideal = count / WALK_TIME
+        print(
+            f"{count:4d} workers: {rate:7.1f} walks/s of {ideal:6.0f}, busy "
+            f"{rate / ideal:.2f}, driver {1e3 * cpu:.2f} ms a walk"
+        )
+    trial = trials_of(settings.space, 1)[0]
+    walk, _ = sleep(trial)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        Study.create(Path(folder) / "commits.db", {}) as study,
+    ):
+        start = time.perf_counter()
+        for number in range(2000):
+            study.add(entry(number, trial.candidate, walk))
+        print(f"store: {2000 / (time.perf_counter() - start):.0f} commits/s")
 
 
 def entry(number: int, candidate: Candidate, walk: Walk) -> StudyWalk:
