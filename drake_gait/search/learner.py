@@ -201,13 +201,16 @@ def gain_to_beat(
 ) -> float | None:
     """Return the gain that an improvement is measured from; None without a feasible sample.
 
-    On two grounds it is the mean gain of the most promising candidate, else that of the best.
+    On two grounds it is the mean gain of the most promising candidate, else that of the best. Of a
+    long search the furthest feasible samples are asked, so that the question never takes longer.
     """
     feasible = [one for one in known if one.assessment.feasible]
     if not feasible:
         return None
     if not settings.two_grounds:
         return -min(feasible, key=lambda one: one.rank).assessment.objective
+    if len(feasible) > WINDOW:
+        feasible = sorted(feasible, key=lambda one: one.rank)[:WINDOW]
     x = np.array([settings.space.encode(one.candidate) for one in feasible])
     found = most_promising(settings, network, x)
     return None if found is None else found[1]
