@@ -394,9 +394,12 @@ class FamilyGait(AnyGait):
         for one, value, clipped in zip(family.variables, values, within, strict=True):
             if not abs(value - clipped) <= ROUNDING:
                 raise OutOfRangeError(
-                    f"{one.name} of the gait family {family.label}", one.name,
-                    f"{value / one.unit.si:g}", one.allowed, one.unit,
-                )  # fmt: skip
+                    f"{one.name} of the gait family {family.label}",
+                    one.name,
+                    f"{value / one.unit.si:g}",
+                    one.allowed,
+                    one.unit,
+                )
         within += 0.0  # Equal gaits must have equal bytes to hash: -0.0 becomes 0.0.
         within.setflags(write=False)
         object.__setattr__(self, "x", within)

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
@@ -37,7 +38,7 @@ class KeyFrames(Blending):
     @cached_property
     def _variables(self) -> tuple[Variable, ...]:
         phases = self.phases
-        rises = all(low < high for low, high in zip(phases, phases[1:], strict=False))
+        rises = all(low < high for low, high in pairwise(phases))
         if len(phases) < 3 or not rises or phases[-1] >= 1.0:
             raise SettingsError(
                 "phases of the gait family keyframes must be at least 3 that rise from 0 to below "

@@ -177,8 +177,9 @@ def test_angles_stay_inside_their_ranges_anywhere_inside_the_limits(family):
     rng = np.random.default_rng(0)
     ranges = ANGLE_LIMITS[[0, 1, 2, 3, 0] * 2]
     for _ in range(20):
-        gait = family.gait(family.limits @ [0.5, 0.5] + rng.uniform(-0.5, 0.5) * np.ptp(
-            family.limits, axis=1))  # fmt: skip
+        gait = family.gait(
+            family.limits @ [0.5, 0.5] + rng.uniform(-0.5, 0.5) * np.ptp(family.limits, axis=1)
+        )
         assert (gait.commands >= np.minimum(ranges[:, 0], 0.0) - 1e-9).all()
         assert (gait.commands <= ranges[:, 1] + 1e-9).all()
 
