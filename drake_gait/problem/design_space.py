@@ -108,10 +108,14 @@ class DesignSpace:
                 if value not in allowed:
                     unit = "rad" if one.is_angle else one.unit.name
                     raise OutOfRangeError(
-                        f"{name} of {one.name}", name if paper else f"{name}.{one.name}", value,
-                        allowed, Unit(name=unit), demand=demand,
+                        f"{name} of {one.name}",
+                        name if paper else f"{name}.{one.name}",
+                        value,
+                        allowed,
+                        Unit(name=unit),
+                        demand=demand,
                         place=divmod(number, len(TERMS)) if paper else None,
-                    )  # fmt: skip
+                    )
 
     @property
     def open_variables(self) -> tuple[int, ...]:
