@@ -521,7 +521,9 @@ class Study:
         walks: list[StudyWalk] = []
         for chunk in self._chunks(names):
             try:
-                walks += [from_row(dict(zip(names, row, strict=True)), own, family) for row in chunk]
+                walks += [
+                    from_row(dict(zip(names, row, strict=True)), own, family) for row in chunk
+                ]
             except StudyError as error:
                 raise damaged(self.path, error) from None
         return walks
