@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from drake_gait.execution.dask import DaskCluster
     from drake_gait.execution.local import LocalProcesses
     from drake_gait.foot import FootDesign
-    from drake_gait.gait import Gait, Start
+    from drake_gait.gait import Gait, GaitFamily, Harmonics, KeyFrames, Start, Variable
     from drake_gait.optimization import run_study
     from drake_gait.problem import (
         Assessment,
@@ -51,7 +51,7 @@ __version__ = "0.3.0"
 _HOMES = {
     # Gaits, feet and what a walk is.
     "foot": ("FootDesign",),
-    "gait": ("Gait", "Start"),
+    "gait": ("Gait", "GaitFamily", "Harmonics", "KeyFrames", "Start", "Variable"),
     "servo": ("Servo",),
     "sole": ("Sole",),
     "walk": ("Fidelity", "Outcome", "Walk", "WalkSettings"),
@@ -106,7 +106,10 @@ __all__ = [
     "Finished",
     "FootDesign",
     "Gait",
+    "GaitFamily",
+    "Harmonics",
     "IsadeSettings",
+    "KeyFrames",
     "Limit",
     "LocalProcesses",
     "NetworkSettings",
@@ -127,6 +130,7 @@ __all__ = [
     "StudySettings",
     "Trial",
     "TrustRegion",
+    "Variable",
     "Walk",
     "WalkSettings",
     "assess",

@@ -1,4 +1,4 @@
-"""From a first gait to a co-designed foot: `python studies/tutorial.py`, about five minutes.
+"""From a first gait to a co-designed foot: `python studies/tutorial.py`, about three minutes.
 
 docs/tutorial/gait_to_foot.md explains what it prints. tutorial.ipynb has the same cells, for
 Jupyter. The smallest budget, `--samples 28 --simulations 30 --confirmations 8`, takes half a minute
@@ -14,14 +14,12 @@ import numpy as np
 
 from drake_gait import (
     Candidate,
-    Constraints,
     Fidelity,
     FootDesign,
     Gait,
     Study,
     StudyResult,
     StudySettings,
-    WalkSettings,
     assess,
     default_study,
     read_study,
@@ -31,6 +29,7 @@ from drake_gait import (
     write_report,
 )
 from drake_gait.foot import N_MM_PER_DEG
+from drake_gait.gait import WAVEFORMS
 from drake_gait.report.result import in_words
 from drake_gait.search.proposer import training_data
 from drake_gait.study.ranking import best_walk, feasible_walks
@@ -39,9 +38,9 @@ from drake_gait.visualization.walk import waveforms
 
 parser = argparse.ArgumentParser(description=(__doc__ or "").partition(":")[0], allow_abbrev=False)
 parser.add_argument("--out", type=Path, default=Path("runs/tutorial"), help="folder to write")
-parser.add_argument("--samples", type=int, default=120, help="walks of each Latin hypercube")
-parser.add_argument("--simulations", type=int, default=240, help="walks of each study in all")
-parser.add_argument("--confirmations", type=int, help="walks of each tier, at most")
+parser.add_argument("--samples", type=int, default=60, help="walks of each Latin hypercube")
+parser.add_argument("--simulations", type=int, default=90, help="walks of each study in all")
+parser.add_argument("--confirmations", type=int, default=16, help="walks of each tier, at most")
 parser.add_argument("--seed", type=int, default=0, help="seed of both studies")
 options, _ = parser.parse_known_args()  # A notebook has arguments of its own.
 options.out.mkdir(parents=True, exist_ok=True)
@@ -49,27 +48,21 @@ overrides = {
     ("study", "seed"): options.seed,
     ("search", "samples"): options.samples,
     ("search", "simulations"): options.simulations,
+    ("confirmation", "walks"): options.confirmations,
+    ("confirmation", "reference_walks"): options.confirmations,
 }
-if options.confirmations is not None:
-    overrides["confirmation", "walks"] = options.confirmations
-    overrides["confirmation", "reference_walks"] = options.confirmations
 settings = read_study(default_study(), overrides)
 
-# %% 1. One gait. Sixteen coefficients in degrees; what comes back is in SI units.
-gait = Gait.from_degrees(
-    [  # a, b, c, d of
-        [0.5, 2.3, 5.8, -0.4],  # hip and ankle roll
-        [12.7, -13.1, 9.4, -0.6],  # hip pitch
-        [22.2, -2.4, 13.0, 0.2],  # knee
-        [10.0, 6.2, 6.4, 0.7],  # ankle pitch
-    ]
-)
-first = Candidate(gait=gait)
-walk = simulate(first, history=True)
-print(f"1. first gait: {in_words(walk)}, {walk.outcome}")
-violations = assess(walk, Constraints()).violations
-named = zip(Constraints().names, violations, strict=True)
-print("   violations: " + ", ".join(f"{name} {value:.2f}" for name, value in named))
+# %% 1. One gait. The middle of the study's box, in degrees; what comes back is in SI units.
+first = Candidate(gait=Gait.from_degrees(np.degrees(settings.space.centre).round(2)))
+print("1. the first gait: a, b, c, d in degrees")
+for name, row in zip(WAVEFORMS, first.gait.degrees, strict=True):
+    print(f"   {name:<6} " + " ".join(f"{value:7.2f}" for value in row))
+walk = simulate(first, settings.walk, history=True)
+violations = assess(walk, settings.constraints).violations
+named = zip(settings.constraints.names, violations, strict=True)
+broken = ", ".join(f"{name} by {value:.2f}" for name, value in named if value > 0.0)
+print(f"   {in_words(walk)}, {walk.outcome}; it breaks {broken or 'no limit'}")
 
 # %% 2. Look at it. A recording for the browser, and what the joints did.
 if walk.history is not None:
@@ -87,9 +80,9 @@ def perturbed(candidate: Candidate, count: int = 8) -> str:
     for _ in range(count):
         noise = 0.05 * rng.standard_normal((4, 4))
         shaken = Gait.from_degrees(candidate.gait.degrees + noise)
-        walks.append(simulate(Candidate(gait=shaken, foot=candidate.foot)))
+        walks.append(simulate(Candidate(gait=shaken, foot=candidate.foot), settings.walk))
     forward = [1e3 * walk.forward for walk in walks if walk.survived]
-    feasible = sum(assess(walk, Constraints()).feasible for walk in walks)
+    feasible = sum(assess(walk, settings.constraints).feasible for walk in walks)
     spread = f"Z {min(forward):.0f} to {max(forward):.0f} mm" if forward else "none walks"
     return f"{len(forward)} of {count} survive, {feasible} feasible, {spread}"
 
@@ -118,7 +111,7 @@ network = fit(*training_data(samples, settings.space, settings.outputs), seed=op
 for name, train, heldout in zip(
     settings.outputs, network.r2_train, network.r2_heldout, strict=True
 ):
-    print(f"   R² of {name:<10}  walks learnt from {train:5.2f}   held out {heldout:5.2f}")
+    print(f"   R² of {name:<11}  walks learnt from {train:5.2f}   held out {heldout:5.2f}")
 
 
 # %% 6. What the search made of it. The furthest walk, and the one that was confirmed.
@@ -160,7 +153,7 @@ def foot_in_words(foot: FootDesign) -> str:
     )
 
 
-reference = WalkSettings(fidelity=Fidelity.REFERENCE)
+reference = replace(settings.walk, fidelity=Fidelity.REFERENCE)
 print("8. compare")
 for name, candidate in (
     ("first gait", first),
@@ -168,7 +161,7 @@ for name, candidate in (
     ("co-designed", codesigned.candidate),
 ):
     print(f"   {name}: {foot_in_words(candidate.foot)}")
-    print(f"      nominal    {in_words(simulate(candidate))}")
+    print(f"      nominal    {in_words(simulate(candidate, settings.walk))}")
     print(f"      perturbed  {perturbed(candidate)}")
     fine = simulate(candidate, reference)
     print(f"      reference  {in_words(fine)}, {fine.outcome}")

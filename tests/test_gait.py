@@ -20,9 +20,12 @@ from drake_gait.gait import (
     TERMS,
     WAVEFORMS,
     Gait,
+    PaperFamily,
     Start,
+    Stop,
     joint_commands,
 )
+from drake_gait.gait.families import gait_of, plain_gait
 from drake_gait.servo import TRAVEL
 
 WALKING = range(16, 165)
@@ -413,3 +416,78 @@ def test_a_growing_start_has_the_jump_at_the_end_only(gait, start):
     # No joint is sent further in a frame of the ramp than the gait function itself goes.
     ramped = np.abs(np.diff(gait.commands_from(Start.RAMP)[:45], axis=0)).max()
     assert ramped < 1.5 * np.abs(np.diff(gait.commands[45:160], axis=0)).max()
+
+
+# --- The stop -------------------------------------------------------------------------------------
+
+
+def settling(coefficients, **settings):
+    return Gait(coefficients=coefficients, family=PaperFamily(stop=Stop.SETTLE, **settings))
+
+
+@pytest.mark.parametrize("start", Start)
+@given(coefficients=any_coefficients)
+def test_a_settling_walk_is_the_paper_s_until_3_3_seconds_and_stands_in_the_end(
+    start, coefficients
+):
+    settled = settling(coefficients).commands_from(start)
+    ended = Gait(coefficients=coefficients).commands_from(start)
+    assert settled.shape == ended.shape
+    assert (settled[:165] == ended[:165]).all()
+    assert settled[-1] == pytest.approx(np.zeros(10), abs=1e-12)
+
+
+@pytest.mark.parametrize("start", Start)
+@given(coefficients=any_coefficients)
+def test_every_settling_command_stays_within_table_i(start, coefficients):
+    lower, upper = np.repeat(ANGLE_LIMITS[[0, 1, 2, 3, 0]], 1, axis=0).T
+    sent = settling(coefficients).commands_from(start).reshape(-1, 2, 5)
+    assert (sent >= lower - 1e-12).all()
+    assert (sent <= upper + 1e-12).all()
+
+
+def test_roll_and_legs_shrink_by_raised_cosines_and_the_mean_last(gait):
+    settled = settling(gait.coefficients).commands_from(Start.SHIFT)
+    time = np.arange(165, FRAMES + 1) * FRAME_TIME
+
+    def part(begin, end):  # of a raised cosine that is left
+        return np.cos(0.5 * np.pi * np.clip((time - begin) / (end - begin), 0.0, 1.0)) ** 2
+
+    whole = gait.waveforms(time)
+    roll, knee = (settled[165:, JOINTS.index(name)] for name in ("hip_roll_l", "knee_l"))
+    assert roll == pytest.approx(part(3.3, 4.2) * whole[:, 0])
+    mean = np.radians(EXAMPLE[2][0])
+    expected = part(3.45, 4.2) * (whole[:, 2] - mean) + part(4.2, 4.8) * mean
+    assert knee == pytest.approx(expected)
+
+
+def test_a_settling_walk_does_not_jump(gait):
+    settled = settling(gait.coefficients)
+    assert not settled.jumps_from(Start.SHIFT).any()
+    assert settled.jumps_from(Start.PAPER)[0].any()
+    steps = np.abs(np.diff(settled.commands_from(Start.SHIFT), axis=0)).max(axis=1)
+    assert steps[164:].max() < 1.1 * steps[45:164].max()
+
+
+def test_a_mirrored_settling_gait_mirrors_at_its_end(gait):
+    # The last half cycle: right and left change places half a cycle later.
+    sent = settling(gait.coefficients, cycles=3).commands_from(Start.SHIFT)
+    longer = settling(gait.coefficients, cycles=4).commands_from(Start.SHIFT)
+    assert longer[165 + 60 :] == pytest.approx(sent[165:])
+
+
+@pytest.mark.parametrize(
+    ("settings", "named"),
+    [({"stop": "fall"}, ["fall", "settle"]), ({"stop": "settle", "standing": 1.0}, ["1.2", "1"])],
+)
+def test_a_stop_that_cannot_be_is_named_with_the_cure(settings, named):
+    with pytest.raises(SettingsError) as error:
+        PaperFamily(**settings)
+    assert all(word in str(error.value) for word in named)
+
+
+def test_a_settling_gait_survives_the_way_to_another_process_and_to_a_file(gait):
+    settled = settling(gait.coefficients)
+    assert pickle.loads(pickle.dumps(settled)) == settled
+    assert gait_of(plain_gait(settled)) == settled
+    assert settled != gait

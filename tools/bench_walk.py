@@ -261,8 +261,12 @@ def shifted(candidates: list[Candidate], degrees: float, seed: int) -> list[Cand
 
 def overhead(
     candidates: list[Candidate], walk: WalkSettings, count: int = 8, repeats: int = 7
-) -> None:
-    """Print what surrounds Drake: simulate() and the bare loop take turns on the same walks."""
+) -> tuple[FloatArray, FloatArray]:
+    """Measure what surrounds Drake: simulate() and the bare loop take turns on the same walks.
+
+    Returns:
+        How many times as long simulate() takes, and its processor time [s], of each walk.
+    """
     ratios, times = [], []
     for candidate in [c for c in candidates if simulation.simulate(c, walk).survived][:count]:
         bare_time, full_time = [], []
@@ -278,11 +282,7 @@ def overhead(
         # The least of each: what else runs on the machine only ever adds.
         ratios.append(min(full_time) / min(bare_time))
         times.append(min(full_time))
-    print(
-        f"\nsimulate() / bare stepping: {np.median(ratios):.3f} "
-        f"({min(ratios):.3f} to {max(ratios):.3f}), {np.median(times):.3f} CPU s",
-        flush=True,
-    )
+    return np.array(ratios), np.array(times)
 
 
 def workers(candidates: list[Candidate], walk: WalkSettings, starts: int = 5) -> None:
@@ -349,7 +349,9 @@ def main() -> None:
         if "convergence" in options.tables:
             convergence(pool, candidates, settings, options.seed)
     if "overhead" in options.tables:
-        overhead(candidates, settings.walk)
+        ratios, times = overhead(candidates, settings.walk)
+        span = f"{np.median(ratios):.3f} ({min(ratios):.3f} to {max(ratios):.3f})"
+        print(f"\nsimulate() / bare stepping: {span}, {np.median(times):.3f} CPU s")
 
 
 if __name__ == "__main__":

@@ -84,6 +84,7 @@ _TOLD = {
     "box.half_width": ("none", "≥ 0", _HALF_WIDTH),
     "gait.family": ("paper", "[a family](#gait-families)", _FAMILY),
     "gait.start": ("ramp", "shift, ramp, paper", "How a gait of the paper's family begins."),
+    "gait.stop": ("paper", "paper, settle", "How a gait of the paper's family ends."),
     "robot.file": ("none", "[a path or name](#the-robot-of-a-study)", _ROBOT),
     "robot.model": ("none", "[a path or name](#the-robot-of-a-study)", _MODEL),
     "walk.model": ("khr3hv.sdf", "[a path or name](#the-robot-of-a-study)"),

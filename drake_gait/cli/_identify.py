@@ -34,7 +34,7 @@ def _load(options: argparse.Namespace) -> Load:
 def work(options: argparse.Namespace) -> None:
     """Do what the command line says."""
     load, log = _load(options), read_servo_log(options.log)
-    with importing():  # scipy, when it is known that there is something to fit.
+    with importing():  # scipy, once there is something to fit.
         from drake_gait.hardware.identification import identify
     found = identify(log, load, str(options.log))
     print(found.section())

@@ -1,12 +1,12 @@
 """Take a study elsewhere: `python -m drake_gait export RUN --csv|--optuna|--motion WHERE`.
 
---csv writes all walks with all columns and every digit. --optuna makes an Optuna study of them, or
-adds the walks that it lacks, in a database such as sqlite:///optuna.db. Running studies can be
+--csv writes all walks with all columns and every digit. --optuna makes an Optuna study of them in a
+database such as sqlite:///optuna.db, or adds the walks that it lacks. Running studies can be
 exported as well.
 
---motion writes the winner, or --walk, as a robot plays it: one row a frame, joint angles in degrees
-or, with --units rcb4, positions of the servos. Ranges, speeds and the gap between the legs are
-checked before anything is written. --soften closes the jumps of the command.
+--motion writes the winner, or --walk, as a robot plays it, one row a frame. The joint angles are in
+degrees; with --units rcb4 they are positions of the servos. Ranges, speeds and the gap between the
+legs are checked before anything is written. --soften closes the jumps of the command.
 """
 
 import argparse

@@ -35,6 +35,7 @@ from drake_gait.gait.paper import (
     Gait,
     PaperFamily,
     Start,
+    Stop,
     schedule_of,
 )
 
@@ -62,6 +63,7 @@ __all__ = [
     "PaperFamily",
     "Schedule",
     "Start",
+    "Stop",
     "Variable",
     "family_of",
     "frames_of",

@@ -277,6 +277,7 @@ _KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: 
 def _checked(family: str, declared: Field[Any], value: Any) -> Any:
     """Return the value of a setting, of the kind of its default and within its range."""
     default, told = declared.default, f"{declared.name} of the gait family {family}"
+    value = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
     if isinstance(default, tuple):
         if not isinstance(value, list | tuple) or not value:
             raise SettingsError(f"{told} must be a list, got {value!r}")
@@ -393,9 +394,12 @@ class FamilyGait(AnyGait):
         for one, value, clipped in zip(family.variables, values, within, strict=True):
             if not abs(value - clipped) <= ROUNDING:
                 raise OutOfRangeError(
-                    f"{one.name} of the gait family {family.label}", one.name,
-                    f"{value / one.unit.si:g}", one.allowed, one.unit,
-                )  # fmt: skip
+                    f"{one.name} of the gait family {family.label}",
+                    one.name,
+                    f"{value / one.unit.si:g}",
+                    one.allowed,
+                    one.unit,
+                )
         within += 0.0  # Equal gaits must have equal bytes to hash: -0.0 becomes 0.0.
         within.setflags(write=False)
         object.__setattr__(self, "x", within)

@@ -41,7 +41,7 @@ class Blending(GaitFamily):
     """Part of a cycle in which the other joints' angles grow."""
     stop_roll: float = setting(0.5, lower=0.01, upper=10.0)
     """Part of a cycle in which the roll shrinks at the end."""
-    stop_legs: float = setting(0.5, lower=0.01, upper=10.0)
+    stop_legs: float = setting(0.625, lower=0.01, upper=10.0)
     """Part of a cycle in which the other joints' angles shrink."""
 
     def schedule(self, x: FloatArray) -> Schedule:

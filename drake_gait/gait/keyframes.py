@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
@@ -34,23 +35,20 @@ class KeyFrames(Blending):
     phases: tuple[float, ...] = setting((0.0, 0.25, 0.5, 0.75), lower=0.0, upper=1.0)
     """Key frames, as parts of the cycle that rise from 0 to below 1."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        rises = all(low < high for low, high in zip(self.phases, self.phases[1:], strict=False))
-        if len(self.phases) < 3 or not rises or self.phases[-1] >= 1.0:
-            raise SettingsError(
-                "phases of the gait family keyframes must be at least 3 that rise from 0 to below "
-                f"1, got {list(self.phases)}"
-            )
-
     @cached_property
     def _variables(self) -> tuple[Variable, ...]:
+        phases = self.phases
+        rises = all(low < high for low, high in pairwise(phases))
+        if len(phases) < 3 or not rises or phases[-1] >= 1.0:
+            raise SettingsError(
+                "phases of the gait family keyframes must be at least 3 that rise from 0 to below "
+                f"1, got {list(phases)}"
+            )
         angles = [
             Variable(f"{joint}_{number}", lower=_LIMITS[joint][0], upper=_LIMITS[joint][1])
             for joint in LEG_JOINTS
             for number in range(1, len(self.phases) + 1)
         ]
-        phases = self.phases
         around = np.array([phases[-1] - 1.0, *phases, phases[0] + 1.0])
         gaps = _PLAY * np.minimum(np.diff(around)[:-1], np.diff(around)[1:])
         moments = [

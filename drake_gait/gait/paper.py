@@ -10,7 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from drake_gait.errors import SettingsError
-from drake_gait.gait.family import AnyGait, GaitFamily, Schedule, Variable, frames_of
+from drake_gait.gait.family import (
+    AnyGait,
+    GaitFamily,
+    Schedule,
+    Variable,
+    frames_of,
+    raised_cosine,
+    setting,
+)
 from drake_gait.gait.joints import ANGLE_LIMITS, FRAME_TIME, WAVEFORMS, FloatArray, joint_rows
 
 TERMS = ("a", "b", "c", "d")
@@ -23,7 +31,7 @@ _NODE_PITCH: FloatArray = np.radians([15.0, 30.0, 15.0])  # hip, knee, ankle in 
 
 
 class Start(StrEnum):
-    """Beginning of a walk; it ends as in the paper."""
+    """Beginning of a walk."""
 
     SHIFT = "shift"
     """The weight shifts first: raised cosines from 0 to 0.3 s for the roll, 0.75 s for the legs."""
@@ -35,6 +43,20 @@ class Start(StrEnum):
 
 _GROWTH = {Start.SHIFT: (0.25, 0.625), Start.RAMP: (0.75, 0.75)}
 """Parts of a cycle in which the gait function grows from nothing: of the roll, of the legs."""
+
+
+class Stop(StrEnum):
+    """End of a walk."""
+
+    PAPER = "paper"
+    """The right leg swings to its node in mid-swing at 3.3 s, and the robot stands at 3.6 s."""
+    SETTLE = "settle"
+    """The gait function shrinks by raised cosines until 4.2 s: the roll from 3.3 s on, the legs
+    from 3.45 s on. Then the legs' mean angles do, until 4.8 s."""
+
+
+_SHRINKING = {"roll": (-0.25, 0.5), "legs": (-0.125, 0.5), "mean": (0.5, 1.0)}
+"""Parts of a cycle from the last one's end on in which a settling walk shrinks to standing."""
 
 
 def coefficient_limits() -> FloatArray:
@@ -62,6 +84,23 @@ class PaperFamily(GaitFamily):
     """The paper's family: Eq. 1 for every waveform, between the nodes of Eqs. 3-9."""
 
     name: ClassVar[str] = "paper"
+
+    stop: str = setting(Stop.PAPER.value)
+    """End of a walk: "paper" or "settle", see `Stop`."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.stop not in list(Stop):
+            raise SettingsError(
+                f"stop of the gait family {self.label} must be one of {', '.join(Stop)}, got "
+                f"'{self.stop}'"
+            )
+        if self.stop == Stop.SETTLE and self.standing < self.period:
+            raise SettingsError(
+                f"standing of the gait family {self.label} must be at least the period, "
+                f'{self.period:g} s, with stop = "{Stop.SETTLE}", got {self.standing:g}; the walk '
+                "ends in that time"
+            )
 
     @property
     def variables(self) -> Sequence[Variable]:
@@ -173,6 +212,32 @@ class Gait(AnyGait):
         """Return the commands to the servos after a start, as `commands`, shape (241, 10)."""
         return self.commands if start is Start.PAPER else self._grown_commands[start]
 
+    def _settled(self, commands: FloatArray, roll: FloatArray, legs: FloatArray) -> FloatArray:
+        """Return commands whose end settles.
+
+        Args:
+            commands: Commands that begin as they are to, shape (frames + 1, 10).
+            roll: Growth of the roll, shape (frames + 1,).
+            legs: Growth of the legs, shape (frames + 1,).
+        """
+        family, frame = self.family, np.arange(self.frames + 1)
+        cycles = frame * FRAME_TIME / family.period - family.cycles
+        left = {
+            part: 1.0 - raised_cosine((cycles - begin) / (end - begin))
+            for part, (begin, end) in _SHRINKING.items()
+        }
+        # Held inside the ranges too, so that what lies between it and the waveforms is.
+        mean = np.clip(self.coefficients[None, :, 0], *ANGLE_LIMITS.T)
+        means = joint_rows(np.zeros(1), mean[:, 1:], mean[:, 1:])
+        swing = np.repeat((legs * left["legs"])[:, None], 3, axis=1)
+        settled = (
+            joint_rows(roll * left["roll"], swing, swing)
+            * (self._smooth(frame * FRAME_TIME) - means)
+            + means * (legs * left["mean"])[:, None]
+        )
+        # Until then all factors are 1.
+        return np.where((frame < self.schedule.end)[:, None], commands, settled)
+
     @cached_property
     def _grown_commands(self) -> dict[Start, FloatArray]:
         frame, end = np.arange(self.frames + 1), self.schedule.end
@@ -187,6 +252,8 @@ class Gait(AnyGait):
             pitch = np.repeat(legs[:, None], 3, axis=1)
             commands = np.array(self.commands)
             commands[:end] = (joint_rows(roll, pitch, pitch) * smooth)[:end]
+            if self.family.stop == Stop.SETTLE:
+                commands = self._settled(commands, roll, legs)
             commands.setflags(write=False)
             grown[start] = commands
         return grown
@@ -199,7 +266,7 @@ class Gait(AnyGait):
 
     @cached_property
     def commands(self) -> FloatArray:
-        """Return the commands to the servos by the paper's schedule (Eqs. 3-9).
+        """Return the commands to the servos by the paper's schedule (Eqs. 3-9), or as they settle.
 
         Joint angles [rad], shape (241, 10) at the paper's period, columns as JOINTS; frame k is
         sent at k * FRAME_TIME.
@@ -222,12 +289,16 @@ class Gait(AnyGait):
         # Eqs. 7-9: the left leg takes the first step.
         left = np.where(walking[:, None], left_phase[:, 1:], swing_at_start[:, None] * _NODE_PITCH)
         commands = joint_rows(roll, right, left)
+        if self.family.stop == Stop.SETTLE:
+            whole: FloatArray = np.ones(len(frame))
+            commands = self._settled(commands, whole, whole)
         commands.setflags(write=False)  # They are kept.
         return commands
 
     def jumps_from(self, start: Start) -> FloatArray:
         """`jumps` of what is sent after a start, shape (2, 10): only the paper's at the first."""
-        sent = [1.0 if start is Start.PAPER else 0.0, 1.0]
+        settles = self.family.stop == Stop.SETTLE
+        sent = [1.0 if start is Start.PAPER else 0.0, 0.0 if settles else 1.0]
         return np.array(sent)[:, None] * self.jumps
 
     @property

@@ -1,7 +1,6 @@
 """A servo's numbers from a log of its commands and angles, while it moves a known load.
 
-One joint is simulated with the equations of `servo.Servo`, and its unknowns are fitted by least
-squares:
+One joint is simulated with the equations of `servo.Servo`. Least squares fits its unknowns:
 
     (inertia + rotor) dv/dt = servo(q_d(t - delay) + zero, q, v) - gravity_torque sin(q - hanging)
 """

@@ -108,10 +108,14 @@ class DesignSpace:
                 if value not in allowed:
                     unit = "rad" if one.is_angle else one.unit.name
                     raise OutOfRangeError(
-                        f"{name} of {one.name}", name if paper else f"{name}.{one.name}", value,
-                        allowed, Unit(name=unit), demand=demand,
+                        f"{name} of {one.name}",
+                        name if paper else f"{name}.{one.name}",
+                        value,
+                        allowed,
+                        Unit(name=unit),
+                        demand=demand,
                         place=divmod(number, len(TERMS)) if paper else None,
-                    )  # fmt: skip
+                    )
 
     @property
     def open_variables(self) -> tuple[int, ...]:
@@ -152,6 +156,17 @@ class DesignSpace:
     def middle(self) -> Candidate:
         """Return the candidate in the middle of the box."""
         return self.decode(np.zeros(self.dimension))
+
+    def noise(self, deviation: float) -> FloatArray:
+        """Return the deviation of x, shape (d,), that noise on every angle of a gait brings.
+
+        Args:
+            deviation: That of each angle [rad].
+        """
+        place = list(self.open_variables)
+        angles = np.array([self.family.variables[one].is_angle for one in place])
+        of_gait = deviation * angles / self.half_width.ravel()[place]
+        return np.concatenate([of_gait, np.zeros(len(self.foot_ranges))])
 
     def decode(self, x: ArrayLike) -> Candidate:
         """The candidate at x, shape (d,)."""

@@ -111,6 +111,7 @@ def write_outputs(
     *,
     wall_s: float,
     proposer: str | None = None,
+    learnt_from: int = LEARNT_FROM,
 ) -> Outputs:
     """Write what a study's folder holds beside its walks: result, settings, recording, report.
 
@@ -119,6 +120,14 @@ def write_outputs(
 
     A study without walks has result.json and report.html only. A walk that cannot be simulated to
     its end has no recording. Files of an earlier report that are not made again go.
+
+    Args:
+        settings: The study.
+        walks: All its walks.
+        folder: Its folder.
+        wall_s: Time that it took [s].
+        proposer: What searched it, where that is not the proposer of its mode.
+        learnt_from: Walks of the search, the latest, that the network learns.
 
     Raises:
         GaitError: a file cannot be written.
@@ -139,7 +148,7 @@ def write_outputs(
     if best is not None:
         result |= _walk_part(settings, best, kept)
         _search_part(settings, walks, best, "winner" if robust else "best walk", kept)
-    latest = searched[-LEARNT_FROM:]
+    latest = searched[-learnt_from:]
     learnt, learn = _network_part(settings, latest, kept)
     _forget_unmade(kept)
     toml = write_study_toml(settings, folder)

@@ -190,8 +190,10 @@ def _ranges(
     for one, centre, half_width, (low, high) in variables:
         wider = beyond if one.is_angle else 0.0
         ends[one.name] = (
-            centre + half_width * low - wider, centre + half_width * high + wider, False,
-        )  # fmt: skip
+            centre + half_width * low - wider,
+            centre + half_width * high + wider,
+            False,
+        )
     for name, low, high in space.foot_ranges:
         ends[name] = (low, high, name in SEARCHED_IN_LOG)
     return {

@@ -6,6 +6,7 @@ edge of a limit the ground decides, not luck.
 
 from collections.abc import Sequence
 from copy import copy
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import betainc, ndtr
@@ -13,8 +14,10 @@ from scipy.special import betainc, ndtr
 from drake_gait.gait import FloatArray
 from drake_gait.problem import Limit
 from drake_gait.search.grounds import predictions, together
+from drake_gait.search.seeding import Purpose, generator
 from drake_gait.study.ranking import robust_count
 from drake_gait.study.search_settings import Risk
+from drake_gait.study.settings import StudySettings
 from drake_gait.surrogates.prediction import Network, Prediction
 
 _NEIGHBOURHOOD = 0.25
@@ -38,6 +41,7 @@ class Acquisition:
         radius: Half width of the trust region in units of the box.
         replicas: Walks of a candidate, of which seven of eight must be feasible.
         risk: What weighs against the gain, where the network tells two grounds apart.
+        test: The test that a candidate is to pass, with `Risk.TRUST`.
     """
 
     def __init__(
@@ -51,8 +55,9 @@ class Acquisition:
         radius: float,
         replicas: int = 1,
         risk: Risk = Risk.CHANCE,
+        test: "Test | None" = None,
     ) -> None:
-        self._network, self._risk = network, risk
+        self._network, self._risk, self._test = network, risk, test
         self._gain = names.index(gain)
         self._names, self._limits = names, limits
         self._to_beat, self._trials = to_beat, trials
@@ -62,7 +67,11 @@ class Acquisition:
     def __call__(self, x: FloatArray) -> FloatArray:
         """Costs, shape (n,), of design vectors, shape (n, d)."""
         expected = predictions(self._network, x)
-        log_value = _log(self.chance(expected))
+        if self._test is None:
+            log_value = _log(self.chance(expected))
+        else:
+            held = self._test.chance_of_a_walk(self._network, x, self._names, self._limits)
+            log_value = _log(self._test.chance_to_pass(held))
         if self._to_beat is not None:
             log_value += _log(self._improvement(expected, self._to_beat))
         cost: FloatArray = self.nearness(x, self._trials) - log_value
@@ -104,6 +113,51 @@ class Acquisition:
         ]
         least: FloatArray = np.min(found, axis=0)
         return least
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Test:
+    """The confirmation's first test of a candidate: walks with noise on every angle."""
+
+    __test__ = False  # Of pytest's.
+
+    walks: int
+    """Walks of a candidate."""
+    feasible: int
+    """How many of them must be feasible."""
+    noise: FloatArray
+    """Noise of the walks for which a chance is averaged, in box units, shape (m, d)."""
+
+    @classmethod
+    def of(cls, settings: StudySettings) -> "Test | None":
+        """Return the test of a study whose search weighs trust; None for others."""
+        if settings.search.risk is not Risk.TRUST:
+            return None
+        plan, space = settings.confirmation, settings.space
+        drawn = generator(settings.seed, Purpose.EXPECTED_NOISE).standard_normal(
+            (_NOISES, space.dimension)
+        )
+        # In pairs, so that the mean of the noise is none.
+        noise = np.concatenate([drawn, -drawn]) * space.noise(plan.noise)
+        return cls(walks=plan.replicas, feasible=plan.feasible, noise=noise)
+
+    def chance_of_a_walk(
+        self, network: Network, x: FloatArray, names: Sequence[str], limits: Sequence[Limit]
+    ) -> FloatArray:
+        """Return the chance of a walk with noise to be feasible, shape (n,), at x, shape (n, d)."""
+        moved = (x[None] + self.noise[:, None]).reshape(-1, x.shape[1])
+        chance = chance_to_hold(predictions(network, moved), names, limits, Risk.TRUST)
+        mean: FloatArray = chance.reshape(len(self.noise), -1).mean(axis=0)
+        return mean
+
+    def chance_to_pass(self, chance: FloatArray) -> FloatArray:
+        """Return the chance to pass, shape (n,), of candidates whose walks have each a chance."""
+        found: FloatArray = betainc(self.feasible, self.walks - self.feasible + 1, chance)
+        return found
+
+
+_NOISES = 3
+"""Pairs of noise: as many again cost twice the time and change chances by hundredths."""
 
 
 def chance_to_hold(

@@ -82,9 +82,9 @@ def confirm(
 ) -> None:
     """Walk the best candidates of a finished search again.
 
-    The same walks give the same confirmation: one that was interrupted goes on. Workers have always
-    something to walk: first come the walks that are made whatever the race finds, and they fill in
-    where the race waits for an answer.
+    The same walks give the same confirmation: one that was interrupted goes on. Workers always have
+    something to walk. Walks that are made whatever the race finds come first, and fill in where it
+    waits for an answer.
 
     Args:
         settings: The study.

@@ -13,8 +13,8 @@ from scipy.spatial.distance import cdist
 
 from drake_gait.gait import FloatArray
 from drake_gait.optimizers.isade import Isade
-from drake_gait.search.acquisition import Acquisition
-from drake_gait.search.learner import NetworkProposer, gain_to_beat, promise
+from drake_gait.search.acquisition import Acquisition, Test
+from drake_gait.search.learner import NetworkProposer, gain_to_beat, promise, to_pass
 from drake_gait.search.proposer import Proposal
 from drake_gait.search.seeding import Purpose, seed_of
 from drake_gait.study.ranking import Sample
@@ -71,7 +71,9 @@ class NetworkIsade(NetworkProposer):
         latest = [one for one in known if one.walks[0].walk.survived][-_LATEST:]
         x = np.array([self._settings.space.encode(one.candidate) for one in latest])
         chance, gain = promise(self._settings, asked, x)
-        cost = -np.log(np.maximum(chance, 1e-12)) - np.log(np.maximum(gain, 1e-3))
+        cost = -np.log(np.maximum(to_pass(self._settings, chance), 1e-12)) - np.log(
+            np.maximum(gain, 1e-3)
+        )
         best = np.argsort(cost, kind="stable")[:_POPULATION]
         return x[best], cost[best]
 
@@ -115,6 +117,7 @@ class NetworkIsade(NetworkProposer):
             2.0 * float(population.std(axis=0).mean()),
             settings.search.replicas,
             settings.search.risk,
+            Test.of(settings),
         )
         # Relatives share coordinates, so that a trial may be somebody who has walked.
         walked = np.array([settings.space.encode(one.candidate) for one in known])

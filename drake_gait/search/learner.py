@@ -12,7 +12,7 @@ import numpy as np
 
 from drake_gait.gait import FloatArray
 from drake_gait.problem import quantity
-from drake_gait.search.acquisition import chance_to_hold
+from drake_gait.search.acquisition import Test, chance_to_hold
 from drake_gait.search.grounds import Grounded, grounded_inputs, predictions, together
 from drake_gait.search.proposer import (
     Proposal,
@@ -165,11 +165,20 @@ def grounded_data(
 
 
 def promise(settings: StudySettings, network: Network, x: FloatArray) -> tuple[FloatArray, ...]:
-    """Return the chance of candidates to hold, and their mean gain, each of shape (n,)."""
+    """Return the chance of a candidate's walk to hold, and its mean gain, each of shape (n,)."""
     expected = predictions(network, x)
-    names, plan = settings.outputs, settings.search
-    chance = chance_to_hold(expected, names, settings.constraints.limits, plan.risk)
+    names, plan, limits = settings.outputs, settings.search, settings.constraints.limits
+    if (test := Test.of(settings)) is None:
+        chance = chance_to_hold(expected, names, limits, plan.risk)
+    else:
+        chance = test.chance_of_a_walk(network, x, names, limits)
     return chance, together(expected).mean[:, names.index(plan.objective.quantity)]
+
+
+def to_pass(settings: StudySettings, chance: FloatArray) -> FloatArray:
+    """Return what a chance of each walk, shape (n,), is worth to a search, by its risk."""
+    test = Test.of(settings)
+    return chance if test is None else test.chance_to_pass(chance)
 
 
 def most_promising(
@@ -182,7 +191,8 @@ def most_promising(
     if not len(x):
         return None
     chance, gain = promise(settings, network, x)
-    best = int(np.argmax(chance * np.maximum(gain, 1e-9)))
+    worth = np.maximum(to_pass(settings, chance), 1e-12)
+    best = int(np.argmax(worth * np.maximum(gain, 1e-9)))
     return best, float(gain[best])
 
 
@@ -191,13 +201,16 @@ def gain_to_beat(
 ) -> float | None:
     """Return the gain that an improvement is measured from; None without a feasible sample.
 
-    On two grounds it is the mean gain of the most promising candidate, else that of the best.
+    On two grounds it is the mean gain of the most promising candidate, else that of the best. Of a
+    long search the furthest feasible samples are asked, so that the question never takes longer.
     """
     feasible = [one for one in known if one.assessment.feasible]
     if not feasible:
         return None
     if not settings.two_grounds:
         return -min(feasible, key=lambda one: one.rank).assessment.objective
+    if len(feasible) > WINDOW:
+        feasible = sorted(feasible, key=lambda one: one.rank)[:WINDOW]
     x = np.array([settings.space.encode(one.candidate) for one in feasible])
     found = most_promising(settings, network, x)
     return None if found is None else found[1]

@@ -28,6 +28,8 @@ _AVERAGED = 24
 """Candidates, the most promising, that are averaged with their neighbours."""
 _LATEST = 48
 """Samples, the latest, whose feasible ones have a mean."""
+_LEARNT = 2000
+"""Walks, the latest, that its network learns."""
 _PRIOR = np.array([0.0, 1.0, 0.3, 0.3])
 _PRIOR_DEVIATION = np.array([1.0, 0.5, 0.5, 0.5])
 """Of the weights of `_features`, before any answer (docs/explanation/robust-search.md)."""
@@ -138,9 +140,9 @@ def recommended(
 def _field(settings: StudySettings, samples: Sequence[Sample]) -> list[Recommended]:
     """Return the candidates that may be recommended, with the chance that a network gives them."""
     feasible = sorted((one for one in samples if one.assessment.feasible), key=lambda one: one.rank)
-    # Of all walks: what holds may be among the first.
+    # Of more than the search's own: what holds may be among the first.
     seed = seed_of(settings.seed, Purpose.RECOMMENDATION)
-    network = learnt(settings, all_walks(samples), seed) if feasible else None
+    network = learnt(settings, all_walks(samples)[-_LEARNT:], seed) if feasible else None
     if network is None:
         return [_as_walked(settings, one) for one in feasible]
     asked = corrected(settings, network, ())

@@ -26,6 +26,8 @@ class Purpose(IntEnum):
     """A user's own changes of a walk that confirms another one."""
     GRID_NOISE = 11
     """Noise on the coefficients of the walks of a grid of feet."""
+    EXPECTED_NOISE = 14
+    """Noise on the coefficients for which a chance to hold is averaged."""
     TRUST = 12
     """Noise on the coefficients of the walks that a comparison of searches trusts."""
 

@@ -10,7 +10,7 @@ from scipy.spatial.distance import cdist
 from drake_gait.errors import SettingsError
 from drake_gait.gait import FloatArray
 from drake_gait.optimizers import isade
-from drake_gait.search.acquisition import Acquisition
+from drake_gait.search.acquisition import Acquisition, Test
 from drake_gait.search.grounds import end_of_proposal, grounded_inputs
 from drake_gait.search.learner import NetworkProposer, gain_to_beat
 from drake_gait.search.proposer import (
@@ -30,6 +30,8 @@ from drake_gait.surrogates.settings import NetworkSettings
 # deviations ISADE may go from the middle, and the part of the samples that it starts from, 1 / n.
 _STEP_OF_REGION, _STEP_OF_RESTART, _PATIENCE = 0.35, 0.15, 4
 _DRAWS, _REACH, _ELITE = 3, 1.5, 5
+_WIDEST = 0.4
+"""Widest mean deviation of what is drawn from the region, in units of the box."""
 _MODELLED, _CAPPED = 200, 0.8
 """Samples, the latest, that tell the fitness to expect; its quantile above which all are alike."""
 _SAME = 1e-9
@@ -107,7 +109,10 @@ class TrustRegion(NetworkProposer):
         elif whole:
             self._region.tell(self._told_of(iteration, known))
         region = cast(CMA, self._region)
-        self._draws = np.array([region.ask() for _ in range(_DRAWS * self.batch)])
+        drawn = np.array([region.ask() for _ in range(_DRAWS * self.batch)])
+        # What a model picks widens the region without end: nearer points are drawn, and told.
+        nearer = min(1.0, _WIDEST / float(drawn.std(axis=0).mean()))
+        self._draws = region.mean + nearer * (drawn - region.mean)
 
     def _told_of(self, iteration: int, known: Sequence[Sample]) -> list[tuple[FloatArray, float]]:
         """Return points and fitness that the region learns of the last batch.
@@ -194,6 +199,7 @@ class TrustRegion(NetworkProposer):
             2.0 * float(spread.mean()),
             settings.search.replicas,
             settings.search.risk,
+            Test.of(settings),
         )
         trials: list[FloatArray] = []
         for index in range(self._isade_points):

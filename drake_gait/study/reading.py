@@ -217,8 +217,11 @@ def _family(content: Mapping[str, Any], folder: Path) -> GaitFamily:
     kind = family_kind(_from_folder(written.get("family", PAPER.name), folder))
     table = setting_keys(kind)
     start = ("start",) if kind is PaperFamily else ()
-    known(f"key of [gait] with the family {kind.name or kind.__name__}", written,
-          ("family", *start, *table))  # fmt: skip
+    known(
+        f"key of [gait] with the family {kind.name or kind.__name__}",
+        written,
+        ("family", *start, *table),
+    )
     given = {key: value for key, value in written.items() if key in table}
     settings = {table[key][0]: _in_si(key, value, table) for key, value in given.items()}
     with told_as_written("gait", written, table):
@@ -350,9 +353,6 @@ def _named_space(
             table[key][0].partition(".")[2]: number(f"box.{corner}.{key}", value) * table[key][1].si
             for key, value in box[corner].items()
         }
-    given = {key: value for key, value in box["centre"].items() if key in content.get("gait", {})}
-    for key in given:
-        raise SettingsError(f"{key} is given in [gait] and in [box.centre]; leave one out")
     missing = [
         one.key
         for one in family.variables

@@ -31,6 +31,9 @@ class Mode(StrEnum):
 class Risk(StrEnum):
     """Weight of safety against distance, in a search on two grounds."""
 
+    TRUST = "trust"
+    """The mean improvement to expect, and the chance to pass the confirmation's first test."""
+
     MEAN = "mean"
     """The improvement to expect, and the chance to hold, of the mean of both grounds."""
     CHANCE = "chance"
@@ -121,10 +124,10 @@ _HALF = Range(lower=0.0, upper=0.5)
 class ConfirmationSettings:
     """Walks that confirm the best candidates, tier by tier (study.finalists.Tier).
 
-    `replicas` walks of a candidate are made with noise on every coefficient and friction that is
-    lower and higher in turn, and as many with fresh noise at reference fidelity. In each tier
-    `feasible` of them must be feasible. The winner alone is walked with other servos and masses, on
-    the other sole, and in the other engine.
+    A candidate walks `replicas` times with noise on every coefficient, and friction that is lower
+    and higher in turn. It walks as often with fresh noise at reference fidelity. In each tier
+    `feasible` of the walks must be feasible. The winner alone is walked with other servos and
+    masses, on the other sole, and in the other engine.
     """
 
     walks: int = 240

@@ -19,7 +19,7 @@ columns that they lack. The driver that resumes one adds these columns.
 
 import json
 import stat
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 from contextlib import ExitStack
 from pathlib import Path
 from typing import IO, Any, Self
@@ -66,6 +66,9 @@ _RENAMED = {"frames": "steps"}
 
 VARIABLES = "variables"
 """Key of a study under which the variables of its gait family are, if that is not the paper's."""
+_AT_ONCE = 2000
+"""Walks that are read together."""
+
 QUANTITIES = "quantities"
 """Key of a study under which the quantities of its own are, as `Quantity.plain` has them."""
 PROPOSER = "proposer"
@@ -473,18 +476,24 @@ class Study:
         Raises:
             StudyError: a value is none that its column can have.
         """
-        present = self._found()
-        own = self.quantities()
-        variables = self.variables()
-        names = [*names_of(variables), *own_names(own)]
-        selected = (_selected(name, present) for name in names)
-        found = self._database.rows(f"select {', '.join(selected)} from walks order by id")
-        try:
-            for row in found:
-                require_types(dict(zip(names, row, strict=True)), own, variables)
-        except StudyError as error:
-            raise damaged(self.path, error) from None
-        return names, found
+        names = [*names_of(self.variables()), *own_names(self.quantities())]
+        return names, [row for chunk in self._chunks(names) for row in chunk]
+
+    def _chunks(self, names: Sequence[str]) -> Iterator[list[tuple[Any, ...]]]:
+        """Read walks a few at a time, in the order of their ids: few are held twice."""
+        present, own, variables = self._found(), self.quantities(), self.variables()
+        columns = ", ".join(_selected(name, present) for name in names)
+        beyond = ""
+        while found := self._database.rows(
+            f"select {columns} from walks {beyond} order by id limit {_AT_ONCE}"
+        ):
+            try:
+                for row in found:
+                    require_types(dict(zip(names, row, strict=True)), own, variables)
+            except StudyError as error:
+                raise damaged(self.path, error) from None
+            yield found
+            beyond = f"where id > {found[-1][names.index('id')]}"
 
     def table(self) -> dict[str, NDArray[Any]]:
         """All walks so far, in the order of their ids: `pandas.DataFrame(study.table())`.
@@ -507,12 +516,17 @@ class Study:
         Raises:
             StudyError: a walk has a value that it cannot have.
         """
-        names, rows = self.rows()
         own, family = self.quantities(), self.family()
-        try:
-            return [from_row(dict(zip(names, row, strict=True)), own, family) for row in rows]
-        except StudyError as error:
-            raise damaged(self.path, error) from None
+        names = [*names_of(self.variables()), *own_names(own)]
+        walks: list[StudyWalk] = []
+        for chunk in self._chunks(names):
+            try:
+                walks += [
+                    from_row(dict(zip(names, row, strict=True)), own, family) for row in chunk
+                ]
+            except StudyError as error:
+                raise damaged(self.path, error) from None
+        return walks
 
 
 def study_file(path: str | Path) -> Path:

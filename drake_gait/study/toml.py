@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from drake_gait.files.destination import write
+from drake_gait.gait import PaperFamily
 from drake_gait.study._toml import as_toml
 from drake_gait.study.keys import KEYS, box_keys, in_file, keys
 from drake_gait.study.settings import StudySettings
@@ -23,6 +24,9 @@ def study_toml(settings: StudySettings) -> str:
     """
     family = settings.space.family
     known = keys(settings.quantities, type(family))
+    # A number that is a setting and a variable has one place in a file: [gait] or [box.centre].
+    in_corner = set(family.names) - _said_by_setting(settings)
+    elsewhere = {f"gait.{name}" for name in family.setting_units().keys() & in_corner}
     corners: list[str] = []
     sections: dict[str, list[str]] = {section: [] for section in KEYS}
     for name, value in settings.description().items():
@@ -32,7 +36,7 @@ def study_toml(settings: StudySettings) -> str:
             value = str(Path(value).absolute())
         if name in ("walk.model", "robot.file") and os.sep in value:
             value = str(Path(value).absolute())
-        if name == "robot.file" and not value:
+        if (name == "robot.file" and not value) or name in elsewhere:
             continue
         if name in ("box.centre", "box.half_width") and isinstance(value, dict):
             corners += ["", *_corner(name, value, settings)]
@@ -49,14 +53,29 @@ def study_toml(settings: StudySettings) -> str:
     return "\n".join(lines)
 
 
+def _said_by_setting(settings: StudySettings) -> set[str]:
+    """Return the names of variables whose centre a setting of the family says already."""
+    family = settings.space.family
+    if isinstance(family, PaperFamily):
+        return set()
+    centre, known = family.named(settings.space.centre), family.setting_units()
+    return {
+        one.name
+        for one in family.variables
+        if one.name in known and centre[one.name] == one.default == getattr(family, one.name)
+    }
+
+
 def _corner(name: str, values: Mapping[str, float], settings: StudySettings) -> list[str]:
     """Return the lines of [box.centre] or [box.half_width]."""
     _, _, corner = name.partition(".")
     table = box_keys(settings.space.family, corner)
+    left_out = _said_by_setting(settings) if corner == "centre" else set()
     found = [
-        f"{key} = {as_toml(values[field.partition('.')[2]], unit)}"
+        f"{key} = {as_toml(values[variable], unit)}"
         for key, (field, unit) in table.items()
-        if field.partition(".")[2] in values
+        for _, _, variable in (field.partition("."),)
+        if variable in values.keys() - left_out
     ]
     return [f"[{name}]", *found]
 

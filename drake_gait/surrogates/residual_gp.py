@@ -22,6 +22,8 @@ walks no better, and lets a search run after single lucky ones
 (docs/experiments/2026-11-23-residual-process.md)."""
 _SMALLEST_CHANCE = 1e-3
 """To survive, where errors nearby would make it nothing, or less."""
+_AT_ONCE = 2000
+"""Points that are asked together: matrices of more would take a search's memory."""
 
 
 class KrigedNetwork:
@@ -106,6 +108,10 @@ class ErrorProcesses:
 
     def predict(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The errors to expect at points of shape (m, d), and their deviations, shape (m, k)."""
+        if len(x) > _AT_ONCE:
+            parts = [self.predict(x[at : at + _AT_ONCE]) for at in range(0, len(x), _AT_ONCE)]
+            means, deviations = zip(*parts, strict=True)
+            return np.concatenate(means), np.concatenate(deviations)
         distances = cdist(x, self._x)
         mean = np.empty((len(x), len(self._length)))
         share = np.empty_like(mean)

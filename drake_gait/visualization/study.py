@@ -18,6 +18,8 @@ from drake_gait.visualization.palette import BLUE, GREEN, GREY, INK, SHADE, SKY,
 from drake_gait.visualization.style import COLUMN, PAGE, new_figure, save_figure, style
 
 _MANY = 400  # walks, from which on their marks are smaller
+_MOST_MARKS = 5000
+"""Walks from which on their marks are pixels in a drawing, whose file else grows with them."""
 _MAP = "cividis"  # even in lightness, and alike for all kinds of colour vision
 
 
@@ -39,6 +41,7 @@ def convergence(forward_mm: ArrayLike, feasible: ArrayLike, path: Path, *, sampl
     number = np.arange(1, forward.size + 1)
     fell = np.isnan(forward)
     best = _best_so_far(forward, holds)
+    many = forward.size > _MOST_MARKS
     with style():
         figure = new_figure(COLUMN, 2.7)
         axes = figure.subplots()
@@ -51,8 +54,17 @@ def convergence(forward_mm: ArrayLike, feasible: ArrayLike, path: Path, *, sampl
             markersize=3.0,
             alpha=0.7,
             label="not feasible",
+            rasterized=many,
         )
-        axes.plot(number[holds], forward[holds], ".", color=GREEN, markersize=5.0, label="feasible")
+        axes.plot(
+            number[holds],
+            forward[holds],
+            ".",
+            color=GREEN,
+            markersize=5.0,
+            label="feasible",
+            rasterized=many,
+        )
         axes.step(number, best, where="post", color=BLUE, label="best feasible")
         if fell.any():
             # At the lower edge, whatever the scale.
@@ -65,6 +77,7 @@ def convergence(forward_mm: ArrayLike, feasible: ArrayLike, path: Path, *, sampl
                 alpha=0.7,
                 transform=axes.get_xaxis_transform(),
                 label="fell",
+                rasterized=many,
             )
         if 0 < samples < forward.size:
             axes.axvline(samples + 0.5, color=INK, linewidth=0.7, linestyle=":")
@@ -204,14 +217,19 @@ def parallel_coordinates(
     place = np.arange(len(names))
     lines = np.stack([np.broadcast_to(place, points.shape), points], axis=2)
     order = np.flatnonzero(holds)[np.argsort(forward[holds])]
+    many = len(points) > _MOST_MARKS
     with style():
         figure = new_figure(PAGE, 3.0)
         axes = figure.subplots()
         axes.axhspan(-1.0, 1.0, color=SHADE, zorder=0)
         axes.add_collection(
-            LineCollection(list(lines[~holds]), colors=GREY, linewidths=0.4, alpha=0.25)
+            LineCollection(
+                list(lines[~holds]), colors=GREY, linewidths=0.4, alpha=0.25, rasterized=many
+            )
         )
-        coloured = LineCollection(list(lines[order]), cmap=_MAP, linewidths=0.9, alpha=0.9)
+        coloured = LineCollection(
+            list(lines[order]), cmap=_MAP, linewidths=0.9, alpha=0.9, rasterized=many
+        )
         coloured.set_array(forward[order])
         axes.add_collection(coloured)
         axes.plot(

@@ -97,9 +97,12 @@ def test_the_page_stands_before_a_network_is_learnt_and_has_it_afterwards(
     assert "R²" in (tmp_path / "report.html").read_text("utf-8")
 
 
-def test_a_network_learns_the_latest_walks_only(study, walks, made, tmp_path, monkeypatch):
-    monkeypatch.setattr(build, "LEARNT_FROM", 30)
-    assert write_outputs(study, walks, tmp_path, wall_s=1.0).network.walks == 30
+def test_a_network_learns_the_latest_walks_only(study, walks, made, tmp_path):
+    lost = [dataclasses.replace(walks[0], id=walk.id) for walk in walks[:10]]
+    assert write_outputs(study, walks, tmp_path, wall_s=1.0, learnt_from=30).network.walks == 30
+    made.clear()
+    write_outputs(study, [*lost, *walks[10:]], tmp_path, wall_s=1.0, learnt_from=30)
+    assert "network" not in made
 
 
 @pytest.mark.parametrize("change", ["gone", "other"])

@@ -1,5 +1,7 @@
 """What ISADE minimises on a network: improvement times feasibility, away from what is under way."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -8,8 +10,14 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from drake_gait.problem import OUTPUTS, Constraints
-from drake_gait.search.acquisition import Acquisition, chance_to_hold, expected_improvement
+from drake_gait.search.acquisition import (
+    Acquisition,
+    Test,
+    chance_to_hold,
+    expected_improvement,
+)
 from drake_gait.search.grounds import Grounded, together
+from drake_gait.study.reading import read_study
 from drake_gait.study.search_settings import Risk
 from drake_gait.surrogates.prediction import Prediction
 
@@ -214,3 +222,72 @@ def test_points_of_a_batch_are_the_best_that_are_apart():
     for place in range(6):
         again = acquisition(radius=2.0, trials=list(chosen[:place]))
         assert (x[np.argmin(again(x))] == chosen[place]).all()
+
+
+# --- The confirmation's first test ----------------------------------------------------------------
+
+
+class Slope:
+    """Expects a turn that grows with the first coefficient, and knows it well."""
+
+    def predict(self, x):
+        x = np.asarray(x)
+        mean = np.tile([0.5, 0.0, 0.0, 0.25], (len(x), 1))
+        mean[:, 2] = Constraints().yaw * x[:, 0]
+        return Prediction(mean=mean, deviation=np.full((len(x), 4), 1e-4), survival=np.ones(len(x)))
+
+
+def trusting(**settings):
+    return read_study(Path("studies/steady.toml"), {("search", "risk"): "trust", **settings})
+
+
+def test_only_a_search_that_weighs_trust_knows_the_test():
+    assert Test.of(read_study(Path("studies/steady.toml"), {("search", "risk"): "chance"})) is None
+    found = Test.of(trusting())
+    assert (found.walks, found.feasible) == (8, 7)
+
+
+def test_noise_counts_in_the_units_of_the_box():
+    settings = trusting()
+    found = Test.of(settings)
+    expected = settings.confirmation.noise / settings.space.half_width.ravel()
+    assert settings.space.noise(settings.confirmation.noise) == pytest.approx(expected)
+    assert found.noise.mean(axis=0) == pytest.approx(np.zeros(16), abs=1e-15)
+    assert 0.3 < np.median(np.abs(found.noise) / expected) < 1.5
+
+
+def test_a_gait_near_the_edge_of_a_limit_holds_less_often_with_noise():
+    test = Test.of(trusting())
+    x = np.zeros((3, 16))
+    x[:, 0] = [0.0, 0.99, 1.01]
+    inner, edge, outside = test.chance_of_a_walk(Slope(), x, OUTPUTS, LIMITS)
+    assert inner > 0.999
+    assert 0.1 < outside <= edge < 0.9
+
+
+@pytest.mark.parametrize("chance", [0.3, 0.7, 0.95])
+def test_the_chance_to_pass_is_that_of_seven_of_eight_walks(chance):
+    rng = np.random.default_rng(0)
+    passed = (rng.random((100_000, 8)) < chance).sum(axis=1) >= 7
+    found = Test.of(trusting()).chance_to_pass(np.array([chance]))
+    assert found == pytest.approx([passed.mean()], abs=0.005)
+
+
+def test_a_search_that_weighs_trust_prefers_the_middle_of_a_limit_to_a_little_more_distance():
+    class Edge(Slope):
+        def predict(self, x):
+            found = super().predict(x)
+            found.mean[:, 0] += 0.01 * np.asarray(x)[:, 0]
+            return found
+
+    x = np.zeros((2, 16))
+    x[1, 0] = 0.9
+    costs = {}
+    for risk in (Risk.CHANCE, Risk.TRUST):
+        settings = trusting()
+        test = Test.of(settings) if risk is Risk.TRUST else None
+        costs[risk] = Acquisition(
+            Edge(), OUTPUTS, "forward", LIMITS, 0.4, [], 0.6, risk=risk, test=test
+        )(x)
+    assert costs[Risk.CHANCE][1] < costs[Risk.CHANCE][0]
+    assert costs[Risk.TRUST][0] < costs[Risk.TRUST][1]

@@ -21,7 +21,7 @@ from drake_gait.simulation.command_source import desired_state
 from drake_gait.simulation.mujoco import engine
 from drake_gait.simulation.plant_config import PlantConfig
 from drake_gait.simulation.simulate import follow, simulate, try_out
-from drake_gait.sole import Sole
+from drake_gait.sole import Contact, Sole
 from drake_gait.study.reading import default_study, read_study
 from drake_gait.walk import Disturbance, Engine, Fidelity, Integrator, Outcome, WalkSettings
 
@@ -157,6 +157,25 @@ def test_a_standing_robot_sinks_as_deep_as_in_drake():
         depths.append(-walk.history.sole_height[-1])
     assert depths[1] == pytest.approx(depths[0], rel=0.1)
     assert depths[1].max() > 1e-4  # m
+
+
+@pytest.mark.parametrize("sole", [Sole.POINTS, Sole.AREA])
+def test_a_plate_that_bears_the_weight_is_damped_as_in_drake(sole):
+    # Hunt and Crossley's damping is dissipation x force.
+    found = compiled(sole=sole)
+    model, plant = found.model, found.robot.plant
+    weight = plant.CalcTotalMass(plant.CreateDefaultContext()) * 9.81
+    damping = {}
+    for pair in np.flatnonzero(model.pair_solref[:, 0] < 0.0):
+        bodies = model.geom_bodyid[[model.pair_geom1[pair], model.pair_geom2[pair]]]
+        # f = D (a_ref - a) with D = impedance / (1 - impedance) / lightness.
+        lightness, impedance = model.body_invweight0[bodies, 0].sum(), model.pair_solimp[pair, 0]
+        inertia = impedance / (1.0 - impedance) / lightness
+        plate = int(bodies.max())
+        damping.setdefault(plate, []).append(-inertia * model.pair_solref[pair, 1] / impedance)
+    assert len(damping) == 6
+    expected = pytest.approx(Contact().dissipation * weight, rel=0.01)
+    assert [sum(of_plate) for of_plate in damping.values()] == [expected] * 6
 
 
 def test_points_are_where_drake_has_them_and_area_is_the_vertices_of_its_rim():

@@ -126,3 +126,14 @@ def test_a_study_is_read_where_nothing_can_be_written(entry, running):
         path.parent.chmod(0o755)
         study.close()
     assert (ended.stdout, ended.stderr) == ("1\n", "")
+
+
+def test_a_long_study_is_read_to_its_end_in_the_order_of_its_ids(study, entry):
+    # More than are read together, with a gap as the one before confirming walks.
+    numbers = [*range(2004), 1_000_000_000, 1_000_000_001]
+    for number in reversed(numbers):
+        study.add(dataclasses.replace(entry, id=number))
+    assert [row[0] for row in study.rows()[1]] == numbers
+    assert [walk.id for walk in study.walks()] == numbers
+    with Study.open(study.path) as reader:
+        assert [walk.id for walk in reader.walks()] == numbers

@@ -13,8 +13,9 @@ from conftest import EVERY_KEY, MINIMAL
 from hypothesis import given
 from hypothesis import strategies as some
 
+from drake_gait.gait import Harmonics
 from drake_gait.optimization import open_study
-from drake_gait.problem import Constraints
+from drake_gait.problem import Constraints, DesignSpace
 from drake_gait.ranges import DEGREES
 from drake_gait.study._toml import as_toml
 from drake_gait.study.keys import MM, N_MM_DEG
@@ -148,3 +149,17 @@ def test_the_command_in_a_report_makes_the_same_walks(tmp_path):
 def _command_in(page):
     text = page.read_text(encoding="utf-8")
     return html.unescape(text.split('id="again-title"')[1].split("<code>")[1].split("</code>")[0])
+
+
+@pytest.mark.parametrize(
+    ("settings", "centre"), [({}, {}), ({"duty": 0.55}, {}), ({}, {"duty": 0.55, "period": 1.1})]
+)
+def test_a_number_that_is_a_setting_and_a_variable_of_a_gait_comes_back(tmp_path, settings, centre):
+    path = tmp_path / "study.toml"
+    path.write_text(MINIMAL)
+    known, family = read_study(path), Harmonics(**settings)
+    variables = {**family.like(known.space.middle.gait), "duty": family.duty, **centre}
+    space = DesignSpace(centre=variables, half_width=dict.fromkeys(variables, 0.01), family=family)
+    wanted = dataclasses.replace(known, space=space)
+    path.write_text(study_toml(wanted))
+    assert read_study(path).description() == wanted.description()

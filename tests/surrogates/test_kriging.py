@@ -158,3 +158,11 @@ def test_columns_know_nothing_of_each_other():
         alone = ErrorProcesses(x, errors[:, None]).predict(new)
         for both, one in zip(together, alone, strict=True):
             assert both[:, column] == pytest.approx(one[:, 0], rel=1e-9)
+
+
+def test_many_points_are_predicted_as_few_are(network):
+    kriged = KrigedNetwork(network, *none_since())
+    new = points(4100, seed=5)
+    every, some = kriged.predict(new), kriged.predict(new[3990:])
+    assert every.mean[3990:] == pytest.approx(some.mean, abs=1e-12)
+    assert every.deviation.shape == (4100, 1)

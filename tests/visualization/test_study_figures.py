@@ -133,3 +133,15 @@ def test_the_pareto_figure_speaks_of_infeasible_walks_only_where_one_was_measure
     assert "not feasible" not in texts(path)
     study_figures.pareto([100.0, 120.0], [0.3, 0.4], [True, False], path)
     assert "not feasible" in texts(path)
+
+
+def test_drawings_of_a_long_study_have_no_mark_for_each_walk(tmp_path):
+    rng = np.random.default_rng(0)
+    x, forward = rng.uniform(-1.0, 1.0, (5001, 2)), rng.uniform(0.0, 500.0, 5001)
+    held = forward > 400.0
+    study_figures.convergence(forward, held, tmp_path / "all.svg", samples=60)
+    path = tmp_path / "lines.svg"
+    study_figures.parallel_coordinates(x, forward, held, x[0], ["a", "b"], path)
+    for drawn in (tmp_path / "all.svg", path):
+        text = drawn.read_text(encoding="utf-8")
+        assert text.count("<use") + text.count("<path") < 1000

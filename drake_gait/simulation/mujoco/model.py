@@ -131,16 +131,17 @@ def _soften(model: mujoco.MjModel, robot: Robot, plant_context: Context) -> None
     stiffness: FloatArray = np.zeros(model.npair)
     damping: FloatArray = np.zeros(model.npair)
     for link in robot.model.robot.plates:
-        for shape in plant.GetCollisionGeometriesForBody(plant.GetBodyByName(link)):
-            springs = _ground_springs(robot, shape, ground)
+        shapes = plant.GetCollisionGeometriesForBody(plant.GetBodyByName(link))
+        points = [(shape, _ground_springs(robot, shape, ground)) for shape in shapes]
+        whole = sum(spring for _, springs in points for spring in springs)
+        for shape, springs in points:
             for number, spring in enumerate(springs):
                 name = f"{_name(shape)} {number}" if len(springs) > 1 else _name(shape)
                 geom = model.geom(name).id
                 pairs = (model.pair_geom1 == geom) | (model.pair_geom2 == geom)
                 stiffness[pairs] = spring
-                damping[pairs] = _dissipation(robot, ground)
-    # Hunt and Crossley's damping is force x dissipation: that of a foot which carries the weight.
-    damping *= 2.0 * weight * stiffness / max(stiffness.sum(), 1.0)
+                # Hunt and Crossley's: dissipation x force, as when this plate bears the weight.
+                damping[pairs] = _dissipation(robot, ground) * weight * spring / whole
     step = model.opt.timestep
     for pair in np.flatnonzero(stiffness):
         bodies = model.geom_bodyid[[model.pair_geom1[pair], model.pair_geom2[pair]]]
