@@ -4,7 +4,7 @@ import copy
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import cast
 from xml.etree import ElementTree
@@ -149,21 +149,14 @@ def add_robot(
     rigid = foot is not None and foot.rigid_toes
     plant, scene_graph = _empty_plant(builder, config.time_step)
     with _naming(model), drake_messages() as messages:
-        root = tree(model.content, robot)
-        remove_scenery(root)
-        if foot is not None:
-            with_toes(root, foot, robot)
-        if not looks:
-            remove_looks(root)
-        with files_of(model, looks=looks) as (folder, uris):
-            with_files(root, uris)
+        with _described(model, foot, looks=looks) as (root, folder):
             _add_model(plant, root, model, folder)
-            _check_plant(plant, robot, rigid_toes=rigid)
-            if sole is not Sole.BOXES or _is_placed(model):
-                feet, X_WT = _stance(root, model, folder)
-                if _is_placed(model):
-                    plant.SetDefaultFloatingBaseBodyPose(plant.GetBodyByName(robot.torso), X_WT)
-                add_soles(plant, feet, sole, contact)
+        _check_plant(plant, robot, rigid_toes=rigid)
+        if sole is not Sole.BOXES or _is_placed(model):
+            feet, X_WT = _stance(model, foot.body if foot else None)
+            if _is_placed(model):
+                plant.SetDefaultFloatingBaseBodyPose(plant.GetBodyByName(robot.torso), X_WT)
+            add_soles(plant, feet, sole, contact)
         if sole is Sole.BOXES:
             soften_boxes(plant, scene_graph, robot)
         scale_friction(plant, scene_graph, robot, config.friction)
@@ -196,12 +189,28 @@ def _is_placed(model: RobotModel) -> bool:
     return model.robot.standing is not None or model.format is not Format.SDF
 
 
-def _stance(
-    root: ElementTree.Element, model: RobotModel, folder: Path | None
-) -> tuple[list[Plate], RigidTransform]:
+@contextmanager
+def _described(
+    model: RobotModel, foot: FootDesign | None, *, looks: bool
+) -> Iterator[tuple[ElementTree.Element, Path | None]]:
+    """The elements of a robot's description as it walks, and the folder with its files."""
+    root = tree(model.content, model.robot)
+    remove_scenery(root)
+    if foot is not None:
+        with_toes(root, foot, model.robot)
+    if not looks:
+        remove_looks(root)
+    with files_of(model, looks=looks) as (folder, uris):
+        with_files(root, uris)
+        yield root, folder
+
+
+@lru_cache(maxsize=8)
+def _stance(model: RobotModel, foot: FootDesign | None) -> tuple[tuple[Plate, ...], RigidTransform]:
     """Return the plates of a robot's feet, and where its torso stands: by a plant thrown away."""
     plant, scene_graph = _empty_plant(DiagramBuilder(), 0.0)
-    _add_model(plant, root, model, folder)
+    with _described(model, foot, looks=False) as (root, folder):
+        _add_model(plant, root, model, folder)
     plant.Finalize()
     _check_base(plant, model.robot)
     torso, context = plant.GetBodyByName(model.robot.torso), plant.CreateDefaultContext()
@@ -217,7 +226,7 @@ def _stance(
             raise ModelError(f": {_no_sole(model.robot.plates[0])}")
         lift: FloatArray = np.array([0.0, 0.0, -min(heights)])
         X_WT = RigidTransform(X_WT.rotation(), X_WT.translation() + lift)
-    return plates(plant, scene_graph, model.robot), X_WT
+    return tuple(plates(plant, scene_graph, model.robot)), X_WT
 
 
 def _no_sole(link: str) -> str:

@@ -53,6 +53,11 @@ def with_toes(root: Element, foot: FootDesign, robot: RobotFile) -> None:
         else:
             _resize_toe(big, foot.big_toe_width, growth, inward)
             rest = outline.width - foot.big_toe_width - outline.gap
+            if not rest > 0.0:
+                raise ModelError(
+                    f": a big toe of {1e3 * foot.big_toe_width:g} mm leaves nothing of the foot's "
+                    f"{1e3 * outline.width:g} mm for the lesser toes; make it narrower"
+                )
             _resize_toe(others[0], rest, growth, -inward)
         if foot.rigid_toes:
             for link in (big, *others):

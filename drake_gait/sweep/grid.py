@@ -26,6 +26,7 @@ from drake_gait.search.runner import Planned, Progress, Runner
 from drake_gait.search.seeding import Purpose, generator
 from drake_gait.simulation.simulate import try_out
 from drake_gait.study.robot import ROBOT, robot_of
+from drake_gait.study.robot_section import check_foot
 from drake_gait.study.settings import StudySettings
 from drake_gait.study.store import PROPOSER, Study
 from drake_gait.sweep.grid_results import Place, Results, check_outputs, write_results
@@ -219,6 +220,8 @@ def _refuse_walks_without_study(folder: Path) -> None:
 def _try_feet(grid: Grid, model: RobotModel) -> None:
     """Walk the robot for a moment on every shape of foot of a grid."""
     walk = replace(grid.settings.walk, model=model)
+    for foot in (foot for row in grid.feet for foot in row):
+        check_foot(model.robot, foot, {})
     shapes = {(foot.body, foot.rigid_toes): foot for row in grid.feet for foot in row}
     for foot in shapes.values():
         try_out(replace(candidate(grid, (0, 0, 0, 0)), foot=foot), walk)
