@@ -119,7 +119,7 @@ def read_study(
             elif (section, key) in robot_section.NAMES:
                 robot_section.override(content, (section, key), Path.cwd())  # Likewise.
             elif (section, key) == ("gait", "family") and isinstance(value, str):
-                values[key] = _from_folder(value, Path.cwd())
+                values[key] = family_from(value, Path.cwd())
             elif (section, key) == ("study", "quantities") and value and isinstance(value, str):
                 values[key] = str(Path(value).absolute())
     dropped = _drop(content)
@@ -200,7 +200,7 @@ def _check_sections(
         known(f"key of [{section}]", values, keys(own, type(family))[section])
 
 
-def _from_folder(reference: str, folder: Path) -> str:
+def family_from(reference: str, folder: Path) -> str:
     """Return the name of a gait family, the path of its file from the root."""
     if not is_file(reference):
         return reference
@@ -214,7 +214,7 @@ def _family(content: Mapping[str, Any], folder: Path) -> GaitFamily:
     if not isinstance(written, Mapping):
         raise SettingsError(f"[gait] must be a section, got {written!r}")
     texts("gait", written, ("family",))
-    kind = family_kind(_from_folder(written.get("family", PAPER.name), folder))
+    kind = family_kind(family_from(written.get("family", PAPER.name), folder))
     table = setting_keys(kind)
     start = ("start",) if kind is PaperFamily else ()
     known(

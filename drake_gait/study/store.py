@@ -280,7 +280,7 @@ class Study:
                 for name, value in found.get("settings", {}).items()
                 if name.startswith("gait.") and name != "gait.start"
             }
-            reference = settings.get("family", PAPER.name)
+            reference = str(settings.get("family", PAPER.name))
             file, colon, name = reference.rpartition(":")
             beside = self.path.parent / Path(file).name
             if colon and file.endswith(".py") and not Path(file).is_file() and beside.is_file():

@@ -40,7 +40,7 @@ from drake_gait.study import robot_section
 from drake_gait.study._toml import folder_name, parse_toml, text
 from drake_gait.study.centre import whole_path
 from drake_gait.study.earlier_study import earlier_winner
-from drake_gait.study.reading import read_study
+from drake_gait.study.reading import family_from, read_study
 from drake_gait.study.settings import StudySettings, study_settings
 
 Overrides = Mapping[tuple[str, str], Any]
@@ -312,6 +312,8 @@ def _overrides(name: str, values: Any, folder: Path) -> dict[tuple[str, str], An
         if isinstance(model := found.get((section, key)), str):
             # From the sweep's folder.
             found[section, key] = located(model, folder, f"{section}.{key}")
+    if isinstance(family := found.get(("gait", "family")), str):
+        found["gait", "family"] = family_from(family, folder)
     return found
 
 
