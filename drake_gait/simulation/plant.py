@@ -201,6 +201,8 @@ def _described(
     if not looks:
         remove_looks(root)
     with files_of(model, looks=looks) as (folder, uris):
+        if folder is not None and model.format is Format.MJCF:  # It knows no packages.
+            uris = {one.uri: str(folder / one.path) for one in model.files if one.uri in uris}
         with_files(root, uris)
         yield root, folder
 

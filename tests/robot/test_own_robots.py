@@ -30,6 +30,7 @@ from drake_gait.study.reading import default_study, read_study
 from drake_gait.study.robot import settings_with_robot
 from drake_gait.study.store import Study
 from drake_gait.study.toml import write_study_toml
+from drake_gait.visualization.portraits import check_looks
 
 MILD = Candidate(gait=Gait.from_degrees([[0, 1, 5, 0], [4, -8, 4, 0], [6, -2, 8, 0], [2, 5, 3, 0]]))
 URDF, MJCF = own_robots.urdf(), own_robots.mjcf()
@@ -470,3 +471,53 @@ def test_a_foot_design_changes_nothing_on_a_robot_whose_toes_are_not_designed(ro
     walks = [simulate(Candidate(gait=MILD.gait, foot=foot), settings)
              for foot in (FootDesign(), wide)]  # fmt: skip
     assert walks[0].forward == walks[1].forward
+
+
+CUBE = "".join(
+    f"v {x} {y} {z}\n" for x in (-0.02, 0.02) for y in (-0.02, 0.02) for z in (-0.02, 0.02)
+) + "".join(
+    f"f {face}\n"
+    for face in (
+        *("1 2 4", "1 4 3", "5 7 8", "5 8 6", "1 5 6", "1 6 2"),
+        *("3 4 8", "3 8 7", "1 3 7", "1 7 5", "2 6 8", "2 8 4"),
+    )
+)
+MESH = '<geometry><mesh filename="{}"/></geometry>'
+MESHES = {
+    "URDF, beside": (
+        "stiff.urdf",
+        '<link name="head">',
+        f'<link name="head"><visual>{MESH.format("meshes/cube.obj")}</visual>',
+    ),
+    "URDF, in a package": (
+        "stiff.urdf",
+        '<link name="head">',
+        f'<link name="head"><collision>{MESH.format("package://mine/meshes/cube.obj")}</collision>',
+    ),
+    "MJCF, in its folder": (
+        "toed.xml",
+        'autolimits="true"/>',
+        'autolimits="true" meshdir="meshes"/><asset><mesh name="cube" file="cube.obj"/></asset>',
+    ),
+}
+
+
+@pytest.mark.parametrize(("name", "old", "new"), MESHES.values(), ids=MESHES)
+def test_meshes_of_every_format_travel_with_the_robot(tmp_path, name, old, new):
+    folder = tmp_path / "mine"
+    own_robots.write(folder)
+    (folder / "meshes").mkdir()
+    (folder / "meshes" / "cube.obj").write_text(CUBE)
+    text = (folder / name).read_text().replace(old, new)
+    if name == "toed.xml":
+        geom = '<geom type="mesh" mesh="cube" pos="0 0 0.15"/>'
+        text = text.replace('<site name="imu"/>', geom)
+    (folder / name).write_text(text)
+    model = read_model((folder / name).with_suffix(".toml"))
+    assert [file.path for file in model.files] == ["cube.obj"]
+    kept = RobotModel.from_plain(json.loads(json.dumps(model.plain())))
+    shutil.rmtree(folder)
+    try_out(MILD, WalkSettings(model=kept.for_walks()))
+    check_looks(kept, FootDesign())
+    (kept_file,) = kept.files
+    assert kept_file.content == CUBE.encode()
