@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from drake_gait.visualization.recording import record
     from drake_gait.walk import Fidelity, Outcome, Walk, WalkSettings
 
-__version__ = "0.3.0"
+__version__ = "0.4.0"
 
 _HOMES = {
     # Gaits, feet and what a walk is.
