@@ -62,7 +62,6 @@ _MEASURES = Measures(
     duty_factor=(0.6, 0.6),
     peak_ground_reaction=20.0,
     toe_range=(0.1, 0.1, 0.1, 0.1),
-    yaw_swing=0.1,
     torso_tilt=0.1,
 )
 _LEVEL = Walk(

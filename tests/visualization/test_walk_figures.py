@@ -44,6 +44,12 @@ def history() -> History:
     )
 
 
+def first(history: History, frames: int) -> History:
+    """The first frames of a walk."""
+    arrays = {name: value[:frames] for name, value in vars(history).items() if name != "schedule"}
+    return dataclasses.replace(history, **arrays)
+
+
 def test_every_figure_of_a_walk_is_a_png_one_column_wide(history: History, tmp_path: Path) -> None:
     walk_figures.waveforms(history, tmp_path / "waveforms.png")
     walk_figures.paths(history, tmp_path / "paths.png")
@@ -128,7 +134,7 @@ def test_postures_needs_a_picture_for_each_instant(
 
 
 def test_a_walk_that_fell_shows_its_last_posture_at_the_later_instants(history: History) -> None:
-    fell = History(**{name: getattr(history, name)[:80] for name in vars(history)})
+    fell = first(history, 80)
     assert walk_figures.posture_frames(fell) == [60, 75, 79, 79, 79]
 
 
@@ -167,7 +173,7 @@ def test_a_robot_standing_still_can_be_drawn(history: History, tmp_path: Path) -
         **{
             name: np.repeat(np.asarray(getattr(history, name))[:1], FRAMES + 1, axis=0)
             for name in vars(history)
-            if name not in ("time", "commands")
+            if name not in ("time", "commands", "schedule")
         },
         time=history.time,
         commands=STANDING.commands,
@@ -179,7 +185,7 @@ def test_a_robot_standing_still_can_be_drawn(history: History, tmp_path: Path) -
 def test_a_walk_that_fell_before_the_second_cycle_can_be_drawn(
     history: History, tmp_path: Path
 ) -> None:
-    fell = History(**{name: getattr(history, name)[:40] for name in vars(history)})
+    fell = first(history, 40)
     walk_figures.waveforms(fell, tmp_path / "waveforms.png")
     walk_figures.ground_reaction(fell, tmp_path / "ground_reaction.png")
 
