@@ -14,7 +14,7 @@ import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -302,7 +302,7 @@ def files_of(model: RobotModel, *, looks: bool) -> Iterator[tuple[Path | None, d
             yield Path(folder), uris
 
 
-@lru_cache(maxsize=8)
+@cache  # One that is forgotten is deleted, and may still be shown.
 def _kept(model: RobotModel) -> "tempfile.TemporaryDirectory[str]":
     return _unpacked_into(model.files)
 

@@ -13,7 +13,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from drake_gait.errors import ModelError
-from drake_gait.robot.robot_file import RobotFile
+from drake_gait.robot.robot_file import RobotFile, default_robot
 from drake_gait.robot.sdf import (
     MU_DYNAMIC,
     MU_STATIC,
@@ -226,7 +226,10 @@ def _check_names(description: Description, robot: RobotFile) -> None:
         there = description.names(kind)
         for name in wanted:
             if name not in there:
-                raise ModelError(f": no {kind} '{name}'; it has {', '.join(there) or 'none'}")
+                told = f": no {kind} '{name}'; it has {', '.join(there) or 'none'}"
+                edited = robot.identity == default_robot().identity
+                cure = "; a robot that is no KHR-3HV needs a robot's file, robot.file"
+                raise ModelError(f"{told}{cure if edited else ''}")
     called: dict[str, Element] = {}
     elements = [*description.elements("link"), *description.elements("joint")]
     if description.format is Format.SDF:
