@@ -23,6 +23,7 @@ from drake_gait.search.proposer import (
 from drake_gait.search.seeding import Purpose, seed_of
 from drake_gait.study.ranking import Sample
 from drake_gait.study.records import StudyWalk
+from drake_gait.study.search_settings import Risk
 from drake_gait.study.settings import StudySettings
 from drake_gait.surrogates.prediction import FEWEST_SURVIVORS, BoolArray, Network, learnable
 from drake_gait.surrogates.settings import NetworkSettings
@@ -181,28 +182,17 @@ def to_pass(settings: StudySettings, chance: FloatArray) -> FloatArray:
     return chance if test is None else test.chance_to_pass(chance)
 
 
-def most_promising(
-    settings: StudySettings, network: Network, x: FloatArray
-) -> tuple[int, float] | None:
-    """Return the candidate with the largest chance times gain, and its mean gain.
-
-    A gain that luck has brought to one walk counts by what its neighbours say of it.
-    """
-    if not len(x):
-        return None
-    chance, gain = promise(settings, network, x)
-    worth = np.maximum(to_pass(settings, chance), 1e-12)
-    best = int(np.argmax(worth * np.maximum(gain, 1e-9)))
-    return best, float(gain[best])
-
-
 def gain_to_beat(
     settings: StudySettings, network: Network, known: Sequence[Sample]
 ) -> float | None:
     """Return the gain that an improvement is measured from; None without a feasible sample.
 
-    On two grounds it is the mean gain of the most promising candidate, else that of the best. Of a
-    long search the furthest feasible samples are asked, so that the question never takes longer.
+    On two grounds it is the mean gain of the candidate with the largest chance times gain, else
+    that of the best. A gain that luck has brought to one walk counts by what neighbours say of it.
+    With `Risk.TRUST` it is chance times gain itself, what is to be expected of a candidate that may
+    yet fail: a safer one betters it as a further one does.
+
+    Of a long search the furthest feasible samples are asked, so that it never takes longer.
     """
     feasible = [one for one in known if one.assessment.feasible]
     if not feasible:
@@ -212,5 +202,8 @@ def gain_to_beat(
     if len(feasible) > WINDOW:
         feasible = sorted(feasible, key=lambda one: one.rank)[:WINDOW]
     x = np.array([settings.space.encode(one.candidate) for one in feasible])
-    found = most_promising(settings, network, x)
-    return None if found is None else found[1]
+    chance, gain = promise(settings, network, x)
+    worth = np.maximum(to_pass(settings, chance), 1e-12)
+    best = int(np.argmax(worth * np.maximum(gain, 1e-9)))
+    trusts = settings.search.risk is Risk.TRUST and gain[best] > 0.0
+    return float(worth[best] * gain[best] if trusts else gain[best])
