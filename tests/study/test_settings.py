@@ -117,15 +117,15 @@ def test_the_default_study_has_limits_for_steps_beside_the_paper_s(paper_study):
     assert (default["gait.start"], paper["gait.start"]) == ("shift", "paper")
 
 
-def test_the_longer_study_is_the_default_one_but_for_its_budget_and_the_middle_of_its_box(
-    repository,
-):
+def test_the_longer_study_is_the_default_one_but_for_its_budget_its_risk_and_its_end(repository):
     longer = read_study(repository / "studies" / "far.toml").description()
     default = read_study(default_study()).description()
-    changed = {key for key in default if default[key] != longer[key]}
-    assert {key.split(".")[0] for key in changed} == {"study", "search", "confirmation", "box"}
-    boxes = {key for key in changed if key.startswith("box.")}
-    assert boxes
+    changed = {key for key in {*default, *longer} if default.get(key) != longer.get(key)}
+    assert {key.split(".")[0] for key in changed} == {
+        "study", "search", "confirmation", "box", "gait",
+    }  # fmt: skip
+    assert {key for key in changed if key.startswith("box.")} == {"box.chosen"}
+    assert {key for key in changed if key.startswith("gait.")} == {"gait.stop"}
 
 
 def test_every_committed_study_reads(repository):
