@@ -159,11 +159,11 @@ def test_a_robot_that_does_not_exist_is_one_line_with_those_that_do(capsys, stud
 @pytest.mark.parametrize(
     ("content", "text"),
     [
-        ("", "broken.sdf is not a well-formed SDF file"),
-        ("<sdf", "broken.sdf is not a well-formed SDF file"),
-        ("Not XML at all.", "broken.sdf is not a well-formed SDF file"),
+        ("", "broken.sdf is not a well-formed XML file"),
+        ("<sdf", "broken.sdf is not a well-formed XML file"),
+        ("Not XML at all.", "broken.sdf is not a well-formed XML file"),
         ("<sdf version='1.9'></sdf>", "must be one <model>, got 0"),
-        (None, "broken.sdf is not a well-formed SDF file"),
+        (None, "broken.sdf is not a well-formed XML file"),
     ],
     ids=["empty", "one tag", "text", "no model", "cut in half"],
 )

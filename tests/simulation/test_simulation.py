@@ -214,7 +214,7 @@ def test_a_missing_robot_is_named_with_those_that_exist() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "complaint"),
     [
-        ("</sdf>", "", "not a well-formed SDF"),
+        ("</sdf>", "", "not a well-formed XML"),
         ('name="knee_r" type', 'name="elbow_r" type', "no joint 'knee_r'"),
         ('name="big_toe_r"', 'name="thumb_r"', "no link 'big_toe_r'"),
         ("spring_stiffness>", "spring_thickness>", "line .*Drake ignores <spring_thickness>"),
