@@ -31,6 +31,7 @@ from drake_gait.report.page import FIGURES
 from drake_gait.simulation.simulate import simulate
 from drake_gait.visualization.recording import record
 from drake_gait.visualization.style import GAIT_PHASES, style
+from drake_gait.visualization.walk import posture_frames
 from drake_gait.walk import History, WalkSettings
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
@@ -166,7 +167,7 @@ def camera_targets(history: History, times: list[float], *, glides: bool) -> np.
 
 def save_strip(page: str, history: History, path: Path) -> None:
     """Five postures side by side."""
-    times = [time for time, _ in GAIT_PHASES]
+    times = [FRAME_TIME * frame for frame in posture_frames(history)]
     pictures = shots(
         page, times, camera_targets(history, times, glides=False), STRIP_VIEW, STRIP_SIZE
     )
@@ -175,7 +176,9 @@ def save_strip(page: str, history: History, path: Path) -> None:
         FigureCanvasAgg(figure)
         panels = figure.subplots(1, len(pictures))
         figure.subplots_adjust(left=0.0, right=1.0, bottom=0.13, top=1.0, wspace=0.02)
-        for axes, picture, (time, phase) in zip(panels, pictures, GAIT_PHASES, strict=True):
+        for axes, picture, time, (_, phase) in zip(
+            panels, pictures, times, GAIT_PHASES, strict=True
+        ):
             axes.imshow(picture, interpolation="lanczos")
             axes.set_axis_off()
             axes.text(
