@@ -19,6 +19,7 @@ from drake_gait.search.proposer import (
 )
 from drake_gait.search.seeding import Purpose, seed_of
 from drake_gait.study.ranking import Sample
+from drake_gait.study.search_settings import Risk
 from drake_gait.study.settings import StudySettings
 from drake_gait.surrogates.ensemble import Surrogate
 from drake_gait.surrogates.prediction import Network
@@ -31,7 +32,7 @@ from drake_gait.surrogates.settings import NetworkSettings
 _STEP_OF_REGION, _STEP_OF_RESTART, _PATIENCE = 0.35, 0.15, 4
 _DRAWS, _REACH, _ELITE = 3, 1.5, 5
 _WIDEST = 0.4
-"""Widest mean deviation of what is drawn from the region, in units of the box."""
+"""Widest mean deviation of what a search that weighs trust draws, in units of the box."""
 _MODELLED, _CAPPED = 200, 0.8
 """Samples, the latest, that tell the fitness to expect; its quantile above which all are alike."""
 _SAME = 1e-9
@@ -109,10 +110,11 @@ class TrustRegion(NetworkProposer):
         elif whole:
             self._region.tell(self._told_of(iteration, known))
         region = cast(CMA, self._region)
-        drawn = np.array([region.ask() for _ in range(_DRAWS * self.batch)])
-        # What a model picks widens the region without end: nearer points are drawn, and told.
-        nearer = min(1.0, _WIDEST / float(drawn.std(axis=0).mean()))
-        self._draws = region.mean + nearer * (drawn - region.mean)
+        self._draws = np.array([region.ask() for _ in range(_DRAWS * self.batch)])
+        if self._settings.search.risk is Risk.TRUST:
+            # What a model picks widens the region without end: nearer points are drawn, and told.
+            nearer = min(1.0, _WIDEST / float(self._draws.std(axis=0).mean()))
+            self._draws = region.mean + nearer * (self._draws - region.mean)
 
     def _told_of(self, iteration: int, known: Sequence[Sample]) -> list[tuple[FloatArray, float]]:
         """Return points and fitness that the region learns of the last batch.
