@@ -64,7 +64,7 @@ def test_the_citation_is_of_this_version() -> None:
 
 
 def test_the_readme_names_studies_that_there_are() -> None:
-    assert {"studies/best", "studies/toes_or_rigid.toml"} <= set(NAMED)
+    assert {"studies/far", "studies/toes_or_rigid.toml"} <= set(NAMED)
     for name in NAMED:
         assert (ROOT / name).exists(), name
 
