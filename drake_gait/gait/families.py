@@ -1,17 +1,16 @@
 """Gait families by their names: those that are shipped, and classes of a user's own."""
 
 import os
-import sys
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from importlib import import_module
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from drake_gait.errors import SettingsError
+from drake_gait.files.python import run
 from drake_gait.gait.family import AnyGait, GaitFamily
 from drake_gait.gait.harmonics import Harmonics
 from drake_gait.gait.keyframes import KeyFrames
@@ -132,19 +131,7 @@ def _in_file(path: Path, name: str) -> type[GaitFamily]:
 @lru_cache(maxsize=16)
 def _classes(path: Path, content: bytes) -> dict[str, type[GaitFamily]]:
     """Return the families that a file declares, by their names; the same text, the same classes."""
-    spec = spec_from_file_location(_MODULE, path)
-    if spec is None or spec.loader is None:
-        raise SettingsError(f"the file of a gait family {path} must be Python, ending in .py")
-    module = module_from_spec(spec)
-    sys.modules[_MODULE] = module  # Dataclasses look their module up.
-    try:
-        exec(compile(content, path, "exec"), module.__dict__)
-    except Exception as error:
-        raise SettingsError(
-            f"the file of a gait family {path} cannot be run: {type(error).__name__}: {error}"
-        ) from error
-    finally:
-        del sys.modules[_MODULE]
+    module = run(path, module=_MODULE, what="file of a gait family", content=content)
     found = {
         one.__name__: one
         for one in vars(module).values()

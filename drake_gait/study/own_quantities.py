@@ -1,10 +1,9 @@
 """Quantities of a user's own: a Python file that declares them."""
 
-import sys
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 from drake_gait.errors import SettingsError
+from drake_gait.files.python import run
 from drake_gait.problem import BUILT_IN, Quantity
 
 _MODULE = "_drake_gait_quantities"
@@ -22,19 +21,7 @@ def load_quantities(path: Path) -> tuple[Quantity, ...]:
     """
     if not path.is_file():
         raise SettingsError(f"no file of quantities {path}; give study.quantities another path")
-    spec = spec_from_file_location(_MODULE, path)
-    if spec is None or spec.loader is None:
-        raise SettingsError(f"the file of quantities {path} must be Python, with the ending .py")
-    module = module_from_spec(spec)
-    sys.modules[_MODULE] = module  # Dataclasses look their module up.
-    try:
-        spec.loader.exec_module(module)
-    except Exception as error:
-        raise SettingsError(
-            f"the file of quantities {path} cannot be run: {type(error).__name__}: {error}"
-        ) from error
-    finally:
-        del sys.modules[_MODULE]
+    module = run(path, module=_MODULE, what="file of quantities")
     found = {
         one.name: one
         for one in vars(module).values()
