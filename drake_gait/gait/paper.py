@@ -245,10 +245,7 @@ class Gait(AnyGait):
         smooth = self._smooth(frame * FRAME_TIME)
         grown = {}
         for start, parts in _GROWTH.items():
-            roll, legs = (
-                0.5 - 0.5 * np.cos(np.pi * np.minimum(frame / (part * cycle), 1.0))
-                for part in parts
-            )
+            roll, legs = (raised_cosine(frame / (part * cycle)) for part in parts)
             pitch = np.repeat(legs[:, None], 3, axis=1)
             commands = np.array(self.commands)
             commands[:end] = (joint_rows(roll, pitch, pitch) * smooth)[:end]

@@ -102,9 +102,7 @@ class Acquisition:
     def chance(self, expected: Sequence[Prediction]) -> FloatArray:
         """Probability of a feasible candidate, shape (n,)."""
         chance = chance_to_hold(expected, self._names, self._limits, self._risk)
-        # Of at least so many of its walks, where each has this chance for itself.
-        found: FloatArray = betainc(self._needed, self._replicas - self._needed + 1, chance)
-        return found
+        return at_least(self._needed, self._replicas, chance)
 
     def _improvement(self, expected: Sequence[Prediction], to_beat: float) -> FloatArray:
         found = [
@@ -152,8 +150,13 @@ class Test:
 
     def chance_to_pass(self, chance: FloatArray) -> FloatArray:
         """Return the chance to pass, shape (n,), of candidates whose walks have each a chance."""
-        found: FloatArray = betainc(self.feasible, self.walks - self.feasible + 1, chance)
-        return found
+        return at_least(self.feasible, self.walks, chance)
+
+
+def at_least(needed: int, walks: int, chance: FloatArray) -> FloatArray:
+    """Return the chance that so many of all walks hold, where each has a chance for itself."""
+    found: FloatArray = betainc(needed, walks - needed + 1, chance)
+    return found
 
 
 _NOISES = 3
